@@ -1,0 +1,222 @@
+"""The overlay: the lane on the frame, and what it means in numbers.
+
+`overlay` gives a new picture; `overlay_bgr` and `overlay_yuv420` draw into a frame of a video, in place, and touch only the bounding
+boxes of what they draw. All take a `LaneResult` (or anything with its attributes).
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from lanelib.channels import as_bgr
+from lanelib.draw.canvas import Canvas, Layer
+from lanelib.draw.lettering import put_text, text_width, wrapped
+from lanelib.draw.palette import bgr
+from lanelib.errors import LanelibError
+
+AREA_OPACITY = {"measured": 0.35, "held": 0.20}  # the road must stay visible under the lane
+HELD_PALER = 0.45  # how much of a pale grey is mixed into the lines' colours while the lane is held
+PALE = (214, 214, 214)
+LINE_WIDTH = 0.026  # of the lane's width at the same place: 0.10 m of 3.66 m, as wide as the narrowest paint
+FADE = 0.35  # the upper part of the lane over which the area fades out and the lines taper: farther away less is known
+CARD_OPACITY = 0.66
+DASH, PAUSE = 3, 2  # points of a line that is held
+
+
+def overlay(frame_bgr: np.ndarray, result, *, text: bool = True) -> np.ndarray:
+    """The frame (H, W, 3) uint8 BGR with the lane drawn on it, as a new picture of the same size.
+
+    Green lane area, left line red, right line blue; with ``text`` a read-out in the upper left corner: radius of curvature, offset
+    from the lane's centre, lane width, and how far to trust them. A lane held from frames before is paler and dashed. Grey
+    and four-channel frames are taken too. Raises LanelibError where the result belongs to a frame of another size.
+    """
+    picture = as_bgr(frame_bgr)
+    picture = picture.copy() if picture is frame_bgr or np.shares_memory(picture, frame_bgr) else picture
+    return overlay_bgr(picture, result, text=text)
+
+
+def overlay_bgr(frame_bgr: np.ndarray, result, *, text: bool = True) -> np.ndarray:
+    """`overlay` in place on a (H, W, 3) uint8 BGR frame; returns that frame."""
+    draw_overlay(Canvas.of_bgr(frame_bgr), result, text=text)
+    return frame_bgr
+
+
+def overlay_yuv420(frame_yuv: np.ndarray, result, *, text: bool = True) -> np.ndarray:
+    """`overlay` in place on a YUV420p frame (H * 3 / 2, W) uint8, without converting it; returns that frame."""
+    draw_overlay(Canvas.of_yuv420(frame_yuv), result, text=text)
+    return frame_yuv
+
+
+def draw_overlay(canvas: Canvas, result, *, text: bool = True) -> None:
+    """Lane area, lines and read-out on any canvas."""
+    if result.lane is not None:
+        if tuple(result.size_wh) not in ((0, 0), tuple(canvas.size_wh)):
+            raise LanelibError(f"the lane was found in a frame of {_by(result.size_wh)} pixels, this one has {_by(canvas.size_wh)}; "
+                               "draw it on the frame it was found in")
+        draw_lane(canvas, result.left_px, result.right_px, held=result.status == "held")
+    if text:
+        card = read_out(result, canvas.size_wh)
+        if card is not None:
+            margin = 2 * round(0.01 * min(canvas.size_wh[0] / 16 * 9, canvas.size_wh[1]))  # even, for the half-size planes
+            canvas.lay(card, (margin, margin))
+
+
+def draw_lane(canvas: Canvas, left_px: np.ndarray, right_px: np.ndarray, *, held: bool = False) -> None:
+    """The lane between two lines, (N, 2) and (M, 2) pixels of the frame from near to far."""
+    left, right = (np.asarray(p, float).reshape(-1, 2) for p in (left_px, right_px))
+    if min(len(left), len(right)) < 2:
+        return
+    n = min(len(left), len(right))
+    width = np.hypot(*(right[:n] - left[:n]).T)
+    top, bottom = min(left[:, 1].min(), right[:, 1].min()), min(max(left[0, 1], right[0, 1]), canvas.size_wh[1])
+    full = top + FADE * max(bottom - top, 1.0)
+    canvas.fill([np.concatenate([left, right[::-1]])], bgr("lane area"), opacity=AREA_OPACITY["held" if held else "measured"],
+                fade_rows=(top, full))
+    thinnest = max(1.0, 0.0011 * canvas.size_wh[0])
+    for line, name in ((left, "left line"), (right, "right line")):
+        wide = LINE_WIDTH * np.concatenate([width, np.full(len(line) - n, width[-1])])
+        wide = np.maximum(wide * np.clip((line[:, 1] - top) / (full - top), 0.25, 1), thinnest)
+        colour = mixed(bgr(name), PALE, HELD_PALER) if held else bgr(name)
+        last = len(line) - 1
+        pieces = [(i, min(i + DASH, last)) for i in range(0, last, DASH + PAUSE)] if held else [(0, last)]
+        canvas.fill([ribbon(line[a : b + 1], wide[a : b + 1]) for a, b in pieces], colour)
+
+
+def mixed(colour, other, part: float) -> tuple[int, ...]:
+    """A colour with ``part`` (0..1) of another in it."""
+    return tuple(round(a + part * (b - a)) for a, b in zip(colour, other, strict=True))
+
+
+def ribbon(line_px: np.ndarray, width_px: np.ndarray) -> np.ndarray:
+    """Outline (2 N, 2) of a line (N, 2) drawn ``width_px`` (N,) wide."""
+    along = np.gradient(line_px, axis=0)
+    length = np.maximum(np.hypot(*along.T), 1e-9)
+    across = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
+    half = across * width_px[:, None] / 2
+    return np.concatenate([line_px + half, (line_px - half)[::-1]])
+
+
+# ---------------------------------------------------------------------------------------------- words
+def radius_text(radius_m: float | None, curvature_1pm: float | None) -> str:
+    """"R 1.02 km left", "R 480 m right", "straight"; "" for None."""
+    if radius_m is None or curvature_1pm is None:
+        return ""
+    if not math.isfinite(radius_m):
+        return "straight"
+    three_digits = f"{radius_m / 1000:.2f} km" if radius_m >= 995 else f"{radius_m:.0f} m"
+    return f"R {three_digits} {'left' if curvature_1pm > 0 else 'right'}"
+
+
+def offset_text(offset_m: float | None) -> str:
+    """"0.23 m left of centre": where the car is; "" for None."""
+    if offset_m is None or not math.isfinite(offset_m):
+        return ""
+    if abs(offset_m) < 0.005:
+        return "on the centre"
+    return f"{abs(offset_m):.2f} m {'right' if offset_m > 0 else 'left'} of centre"
+
+
+def status_text(status: str) -> str:
+    """"measured", "held from before" or "no lane"."""
+    return {"measured": "measured", "held": "held from before", "none": "no lane"}.get(status, str(status))
+
+
+# ---------------------------------------------------------------------------------------------- read-out
+def read_out(result, size_wh: tuple[int, int]) -> Layer | None:
+    """The read-out of a result as a layer for `Canvas.lay`; None where the frame is too small for words."""
+    scale = max(min(size_wh[0] / 1280, size_wh[1] / 720), 0.46)  # below that, letters would be smaller than a pixel allows
+    widest = size_wh[0] - 8
+    if widest < 110 or size_wh[1] < 60:
+        return None
+    if result.lane is None:
+        return _card("none", "", "", "", 0.0, 0.0, scale, widest, str(result.reason))
+    width = result.width_m
+    place = float(np.clip(result.offset_m / width, -1, 1)) if width else 0.0
+    return _card(result.status, radius_text(result.radius_m, result.curvature_1pm), offset_text(result.offset_m),
+                 f"{width:.2f} m" if width else "", round(place, 2), round(result.confidence, 2),
+                 scale, widest, str(result.reason) if result.status == "held" else "")
+
+
+@lru_cache(maxsize=32)
+def _card(status, radius, offset, width, place, confidence, scale, widest, reason) -> Layer:
+    """A dark card with round corners; ``place``: the car in the lane, -1/2 on the left line, 1/2 on the right one."""
+    big, small, pad, thick = round(17 * scale), max(7, round(10.5 * scale)), round(16 * scale), round(13 * scale)
+    inner = min(round(278 * scale), widest - 2 * pad)
+    reason_lines = wrapped(reason, small, inner) if reason else []
+    # base lines of the rows of text, from the top
+    row_head = pad + small
+    row_radius = row_head + pad + big
+    row_offset = row_radius + round(0.75 * pad) + big
+    row_gauge = row_offset + round(1.15 * pad)
+    rows_end = row_gauge + thick if radius else row_head
+    line = round(1.9 * small)
+    card = _box(inner + 2 * pad, rows_end + len(reason_lines) * line + pad, round(0.7 * pad)).copy()
+    # how far to trust it
+    colour = {"measured": "lane area", "held": "held"}.get(status, "left line")
+    dot = 0.42 * small
+    _disc(card, pad + dot, row_head - small / 2 - 0.5, dot, colour)
+    put_text(card, status_text(status), (pad + 2 * dot + 0.55 * small, row_head), _over("text"), cap_px=small)
+    if radius:
+        put_text(card, f"{100 * confidence:.0f} %", (pad + inner, row_head), _over("label"), cap_px=small, align="right")
+        end = pad + inner - text_width("100 %", small) - 0.4 * small
+        begin = max(end - 56 * scale, pad + 2 * dot + text_width(status_text(status), small) + 1.2 * small)
+        if end - begin > 1.5 * small:
+            _bar(card, begin, end, row_head - small / 2 - 0.5, max(3, round(0.5 * small)), confidence, colour)
+        put_text(card, radius, (pad, row_radius), _over("text"), cap_px=big, bold=True)
+        put_text(card, offset, (pad, row_offset), _over("text"), cap_px=big)
+        words = f"lane width {width}"
+        _gauge(card, pad, row_gauge, inner - text_width(words, small) - pad, thick, place)
+        put_text(card, words, (pad + inner, row_gauge + (thick + small) // 2), _over("label"), cap_px=small, align="right")
+    for i, words in enumerate(reason_lines, 1):
+        put_text(card, words, (pad, rows_end + i * line), _over("label"), cap_px=small)
+    return Layer(card)
+
+
+def _over(name: str) -> tuple[int, ...]:
+    """A colour that covers what lies below."""
+    return *bgr(name), 255
+
+
+@lru_cache(maxsize=8)
+def _box(width: int, height: int, radius: int) -> np.ndarray:
+    """The empty card, (height, width, 4), premultiplied."""
+    mask = np.zeros((height * 4, width * 4), np.uint8)
+    r, right, bottom = max(radius * 4, 1), 4 * width - 1, 4 * height - 1
+    cv2.rectangle(mask, (r, 0), (right - r, bottom), 255, -1)
+    cv2.rectangle(mask, (0, r), (right, bottom - r), 255, -1)
+    for centre in ((r, r), (right - r, r), (r, bottom - r), (right - r, bottom - r)):
+        cv2.circle(mask, centre, r, 255, -1)
+    cover = cv2.resize(mask, (width, height), interpolation=cv2.INTER_AREA)
+    return np.round(cover[:, :, None] * (CARD_OPACITY / 255) * np.array(_over("card"))).astype(np.uint8)
+
+
+def _disc(card, x, y, radius, name) -> None:
+    cv2.circle(card, (round(x * 16), round(y * 16)), round(radius * 16), _over(name), -1, cv2.LINE_AA, 4)
+
+
+def _bar(card, x0, x1, y, thick, value, name) -> None:
+    """A value 0..1 as a bar with round ends."""
+    for part, colour in ((1.0, "track"), (min(max(value, 0.0), 1.0), name)):
+        if part > 0:
+            ends = [(round(x * 16), round(y * 16)) for x in (x0, x0 + part * (x1 - x0))]
+            cv2.line(card, *ends, _over(colour), thick, cv2.LINE_AA, 4)
+
+
+def _gauge(card, x, y, width, height, place) -> None:
+    """The lane from behind: left line, right line, its centre, and where the car is in it."""
+    span, middle = 0.74 * width, y + (height - 1) / 2
+    centre = x + (width - 1) / 2
+    thin = max(1, round(0.12 * height))
+    for at, tall, wide, name in ((centre, thin, width, "track"), (centre, 0.5 * height, thin, "track"),
+                                 (centre - span / 2, height, 2 * thin, "left line"), (centre + span / 2, height, 2 * thin, "right line")):
+        corner = round(at - wide / 2), round(middle - tall / 2)
+        cv2.rectangle(card, corner, (round(corner[0] + wide) - 1, round(corner[1] + tall) - 1), _over(name), -1)
+    _disc(card, centre + min(max(place, -0.65), 0.65) * span, middle, 0.42 * height, "text")
+
+
+def _by(size_wh) -> str:
+    return f"{size_wh[0]}x{size_wh[1]}"

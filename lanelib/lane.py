@@ -1,0 +1,243 @@
+"""Lines and lanes in metres: curvature, lateral offset, width, their uncertainty, and the checks of sanity.
+
+A line is x = A y^2 + B y + C on the road plane: x to the right, y ahead of the camera, in metres. Curvature is signed,
+positive to the left, so with x'' = 2A
+
+    curvature = -x'' / (1 + x'^2)^(3/2),    radius of curvature = 1 / |curvature|
+
+Curvatures are averaged, never radii: of two nearly straight lines one may well have a radius of 8,000 m to the left and the
+other of 8,000 m to the right.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+STRAIGHT_1PM = 1e-4  # curvatures below this (radius above 10 km) are called straight
+
+
+def radius_of(curvature_1pm: float) -> float:
+    """Radius of curvature in metres; ``inf`` on a straight road."""
+    return math.inf if abs(curvature_1pm) < STRAIGHT_1PM else 1 / abs(curvature_1pm)
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """One lane line, x = polynomial(y) in metres, ``coefficients`` highest power first (2nd order; a 3rd is allowed).
+
+    ``y_range_m``: from where to where it was seen. ``covariance`` of the coefficients, or None. ``support``: how much paint
+    speaks for it, in bird's-eye rows.
+    """
+
+    coefficients: np.ndarray
+    y_range_m: tuple[float, float] = (0.0, 30.0)
+    covariance: np.ndarray | None = None
+    support: float = 0.0
+
+    def __post_init__(self):
+        object.__setattr__(self, "coefficients", np.asarray(self.coefficients, float))
+
+    def x(self, y_m):
+        """Lateral position in metres at distance ``y_m`` (scalar or array)."""
+        return np.polyval(self.coefficients, y_m)
+
+    def slope(self, y_m=0.0):
+        """dx/dy: the tangent of the angle to the car's axis, positive to the right."""
+        return np.polyval(np.polyder(self.coefficients), y_m)
+
+    def curvature_1pm(self, y_m=0.0):
+        """Signed curvature in 1/m, positive to the left."""
+        return -np.polyval(np.polyder(self.coefficients, 2), y_m) / (1 + self.slope(y_m) ** 2) ** 1.5
+
+    def radius_m(self, y_m=0.0) -> float:
+        """Radius of curvature in metres, ``inf`` where straight."""
+        return radius_of(float(self.curvature_1pm(y_m)))
+
+    def std_x_m(self, y_m=0.0):
+        """Standard deviation of x(y) in metres (NaN without a covariance)."""
+        if self.covariance is None:
+            return np.full(np.shape(y_m), np.nan)
+        powers = np.vander(np.atleast_1d(np.asarray(y_m, float)), len(self.coefficients))
+        return np.sqrt(np.einsum("ij,jk,ik->i", powers, self.covariance, powers)).reshape(np.shape(y_m))
+
+    def __repr__(self):
+        radius = self.radius_m()
+        bend = "straight" if math.isinf(radius) else f"R {radius:.0f} m {'left' if self.curvature_1pm() > 0 else 'right'}"
+        return f"Line(x(0) = {self.x(0):+.2f} m, {bend}, seen {self.y_range_m[0]:.0f}-{self.y_range_m[1]:.0f} m)"
+
+
+@dataclass(frozen=True)
+class NoLine:
+    """No line could be fitted, and why. Falsy."""
+
+    reason: str
+
+    def __bool__(self):
+        return False
+
+
+def fit_line(x_m, y_m, weights=None, *, order: int = 2, robust: bool = True, scale_m: float = 0.05,
+             iterations: int = 8, support: float | None = None) -> Line | NoLine:
+    """Weighted least-squares polynomial through points (N,), in metres; robust to outliers.
+
+    Robust: iteratively reweighted with Tukey's biweight, w(r) = (1 - (r / c)^2)^2 for |r| < c, else 0 (Beaton and Tukey 1974);
+    c = 4.685 s with s the larger of ``scale_m`` (how well paint can be located) and 1.48 times the median residual. The
+    first pass is a Theil-Sen-like start: the best of fits through random triples, so that up to half of the points may lie.
+    The covariance is (J' W J)^-1 times the residual variance. Points that do not determine the polynomial give ``NoLine``.
+    """
+    x, y = np.asarray(x_m, float).ravel(), np.asarray(y_m, float).ravel()
+    w = np.ones(len(x)) if weights is None else np.asarray(weights, float).ravel()
+    good = np.isfinite(x) & np.isfinite(y) & (w > 0)
+    x, y, w = x[good], y[good], w[good]
+    if len(np.unique(y)) <= order:
+        return NoLine(f"a polynomial of order {order} needs points at more than {order} distances, found {len(np.unique(y))}")
+    length = max(float(np.abs(y).max()), 1e-9)
+    design = np.vander(y / length, order + 1)  # scaled to 1: conditions the normal equations
+
+    def solve(weight):
+        normal = (design * weight[:, None]).T @ design
+        return normal, np.linalg.lstsq(normal, design.T @ (weight * x), rcond=1e-12)[0]
+
+    weight = w
+    if robust:
+        rng = np.random.default_rng(0)
+        best, best_cost = None, math.inf
+        picks = [rng.choice(len(x), min(len(x), order + 1), replace=False, p=w / w.sum()) for _ in range(40)]
+        for candidate in [solve(w)[1]] + [np.linalg.lstsq(design[p], x[p], rcond=1e-9)[0] for p in picks]:
+            cost = float(np.sum(w * np.minimum(np.abs(x - design @ candidate), 4 * scale_m)))
+            if cost < best_cost:
+                best, best_cost = candidate, cost
+        for _ in range(iterations):
+            residual = x - design @ best
+            spread = max(scale_m, 1.4826 * float(np.median(np.abs(residual))))
+            weight = w * np.clip(1 - (residual / (4.685 * spread)) ** 2, 0, None) ** 2
+            if np.count_nonzero(weight) <= order:
+                return NoLine("fewer points agree with each other than a line needs")
+            best = solve(weight)[1]
+    normal, coefficients = solve(weight)
+    if np.linalg.cond(normal) > 1e12:
+        return NoLine("the points lie too close together to tell a line")
+    freedom = max(float(weight.sum() / weight.max()) - order - 1, 1.0)
+    variance = max(float(np.sum(weight * (x - design @ coefficients) ** 2) / weight.sum()), 1e-12)
+    unscale = 1 / length ** np.arange(order, -1, -1)
+    covariance = np.linalg.inv(normal / weight.max()) * variance * (len(x) / freedom if freedom > 1 else 1.0)
+    used = weight > 0
+    return Line(coefficients * unscale, (float(y[used].min()), float(y[used].max())),
+                covariance * np.outer(unscale, unscale), float(w[used].sum()) if support is None else support)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """How the road departs from the flat plane that the rig assumes: the car's nod, and a hill.
+
+    ``pitch_rad`` > 0: the camera looks further down than the rig says. ``bend_1pm``: vertical curvature of the road
+    (height = bend y^2 / 2), positive in a dip, negative on a crest. ``height_m``: of the camera.
+
+    A point of the road at distance y is seen height / y - bend y / 2 below the road's own horizon, the rig's flat plane shows it at y0 with
+    height / y0 = height / y - bend y / 2 - pitch (small angles); its bearing x / y is the same.
+    """
+
+    height_m: float = 1.0
+    pitch_rad: float = 0.0
+    bend_1pm: float = 0.0
+
+    def flat_from_road(self, points_m: np.ndarray) -> np.ndarray:
+        """Points (N, 2) of the real road to where they appear on the rig's flat plane; NaN beyond its horizon."""
+        x, y = np.asarray(points_m, float).reshape(-1, 2).T
+        inverse = 1 / y - (self.pitch_rad + 0.5 * self.bend_1pm * y) / self.height_m
+        y0 = 1 / np.where(inverse > 1e-4, inverse, np.nan)
+        return np.column_stack([x / y * y0, y0])
+
+
+@dataclass(frozen=True, eq=False)
+class Lane:
+    """The ego lane: two lines and the surface they lie on."""
+
+    left: Line
+    right: Line
+    surface: Surface = field(default_factory=Surface)
+    std: dict = field(default_factory=dict)  # standard deviations by name, where the fit knows them
+
+    @property
+    def offset_m(self) -> float:
+        """Lateral offset of the car from the lane's centre, positive when the car is right of it."""
+        return float(-(self.left.x(0) + self.right.x(0)) / 2)
+
+    def width_m(self, y_m=0.0):
+        """Distance between the lines, across the lane (not along x), at distance ``y_m``."""
+        slope = (self.left.slope(y_m) + self.right.slope(y_m)) / 2
+        return (self.right.x(y_m) - self.left.x(y_m)) / np.sqrt(1 + slope**2)
+
+    @property
+    def curvature_1pm(self) -> float:
+        """Signed curvature of the lane's centre at the car, 1/m, positive to the left."""
+        return float(self.left.curvature_1pm() + self.right.curvature_1pm()) / 2
+
+    @property
+    def radius_m(self) -> float:
+        """Radius of curvature at the car in metres; ``inf`` where straight or where it cannot be told from straight."""
+        if abs(self.curvature_1pm) < self.std.get("curvature_1pm", 0.0):
+            return math.inf
+        return radius_of(self.curvature_1pm)
+
+    @property
+    def y_range_m(self) -> tuple[float, float]:
+        """Nearest and farthest distance at which any of the two lines was seen."""
+        return (min(self.left.y_range_m[0], self.right.y_range_m[0]), max(self.left.y_range_m[1], self.right.y_range_m[1]))
+
+    def __repr__(self):
+        radius = self.radius_m
+        side = "right" if self.offset_m > 0 else "left"
+        bend = "straight" if math.isinf(radius) else f"R {radius:.0f} m to the {'left' if self.curvature_1pm > 0 else 'right'}"
+        return f"Lane({float(self.width_m()):.2f} m wide, {bend}, car {abs(self.offset_m):.2f} m {side} of centre)"
+
+
+# ---------------------------------------------------------------------------------------------- sanity checks
+@dataclass(frozen=True)
+class Limits:
+    """What a lane may look like. Sources beside the numbers."""
+
+    width_m: tuple[float, float] = (2.6, 4.6)  # narrow town lanes 2.7 m; motorway 3.7 m; ramps to 4.5 m (AASHTO Green Book)
+    width_change_m: float = 0.6  # between the car and 20 m ahead; more means that one line is another thing
+    curvature_difference_1pm: float = 0.004  # between the two lines at the car
+    radius_m: float = 15.0  # the tightest hairpin a car drives
+    jump_m: float = 0.5  # of either line at the car between frames; 1.5 m/s sideways at 25 frames a second is 0.06 m
+
+
+@dataclass(frozen=True)
+class Check:
+    """One sanity check: its name, what was found, what was allowed, and the outcome."""
+
+    name: str
+    value: float
+    limit: str
+    ok: bool
+
+    def __repr__(self):
+        return f"{'ok  ' if self.ok else 'FAIL'} {self.name}: {self.value:.4g} ({self.limit})"
+
+
+def check_lane(lane: Lane, previous: Lane | None = None, *, limits: Limits = Limits()) -> tuple[Check, ...]:
+    """Every sanity check on ``lane``; the last one only where there is a ``previous`` lane."""
+    far = min(20.0, max(lane.y_range_m[1], 5.0))
+    at = np.linspace(0, far, 9)
+    gap = lane.right.x(at) - lane.left.x(at)
+    width = float(lane.width_m())
+    change = float(np.ptp(lane.width_m(at)))
+    bends = abs(float(lane.left.curvature_1pm() - lane.right.curvature_1pm()))
+    tightest = 1 / max(abs(lane.curvature_1pm), 1e-9)
+    checks = [
+        Check("order", float(gap.min()), "the left line stays left of the right one: more than 0 m apart", bool(gap.min() > 0)),
+        Check("width", width, f"{limits.width_m[0]}-{limits.width_m[1]} m", limits.width_m[0] <= width <= limits.width_m[1]),
+        Check("parallel", change, f"width changes by at most {limits.width_change_m} m in {far:.0f} m", change <= limits.width_change_m),
+        Check("same bend", bends, f"curvatures differ by at most {limits.curvature_difference_1pm} 1/m",
+              bends <= limits.curvature_difference_1pm),
+        Check("radius", tightest, f"at least {limits.radius_m} m", tightest >= limits.radius_m),
+    ]
+    if previous is not None:
+        jump = max(abs(float(a.x(5.0) - b.x(5.0))) for a, b in ((lane.left, previous.left), (lane.right, previous.right)))
+        checks.append(Check("no jump", jump, f"at most {limits.jump_m} m since the last frame", jump <= limits.jump_m))
+    return tuple(checks)

@@ -1,0 +1,149 @@
+"""Which rig belongs to which pictures, where nobody says it.
+
+A rig describes a camera and its mounting. Pictures of a data set have the rig of their set; for others every known rig
+whose proportions fit is tried on a few frames, and the one under which the finder is most confident is taken: under a wrong
+one the lines of a lane do not come out parallel, a lane width apart, nor as narrow as paint.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lanelib import datasets
+from lanelib.camera import ASPECT_TOLERANCE
+from lanelib.errors import LanelibError
+from lanelib.finder import LaneFinder, Rig
+from lanelib.video import probe, read_frames
+
+TRIAL_FRAMES = 8  # a median of eight bears three frames without a lane
+LEAST_CONFIDENCE = 0.3  # one clear line alone gives 0.67 (see finder.confidence_of); half of that is no lane but a guess
+
+
+@dataclass(frozen=True, eq=False)
+class RigChoice:
+    """A rig and why it was taken."""
+
+    rig: Rig
+    reason: str
+
+    def __str__(self) -> str:
+        """One line."""
+        return f"rig {self.rig.name}: {self.reason}"
+
+
+def known_rigs() -> tuple[Path, ...]:
+    """Files of the rigs in `rigs/` of one's own data and of the project; of two with one name the first."""
+    try:
+        folders = [root / "rigs" for root in datasets.roots()]
+    except LanelibError:  # the package stands alone: there is nothing to choose from
+        return ()
+    files = [path for folder in folders if folder.is_dir() for path in sorted(folder.glob("*.json"))]
+    return tuple({path.name: path for path in reversed(files)}.values())[::-1]
+
+
+def load_rig(name: str | Path) -> Rig:
+    """A rig by its file or, where there is no such file, by the name of a known one ("udacity")."""
+    known = {path.stem: path for path in known_rigs()}
+    if not Path(name).exists() and str(name) in known:
+        return Rig.load(known[str(name)])
+    try:
+        return Rig.load(name)
+    except LanelibError as error:
+        more = f" (known by name: {', '.join(sorted(known))})" if known and not Path(name).exists() else ""
+        raise LanelibError(f"{error}{more}") from None
+
+
+def set_of(path: str | Path) -> datasets.DataSet | None:
+    """The data set in one of whose folders the file lies, or None."""
+    path = Path(path).resolve()
+    try:
+        names = datasets.available()
+    except LanelibError:
+        return None
+    for name in names:
+        found = datasets.get(name)
+        if path.parent in [folder.resolve() for folder in (found.camera_cal, found.test_images, found.test_videos)]:
+            return found
+    return None
+
+
+def rig_of_set(path: str | Path) -> RigChoice | None:
+    """The rig of the data set that the file lies in, or None."""
+    found = set_of(path)
+    return RigChoice(Rig.load(found.rig_file), f"the file is of the set {found.name}") if found and found.has_rig else None
+
+
+def fits(rig: Rig, size_wh: Sequence[int]) -> bool:
+    """Whether pictures of this size have the proportions of the rig's camera."""
+    (w, h), (rig_w, rig_h) = size_wh, rig.size_wh
+    return abs(w * rig_h / (h * rig_w) - 1) <= ASPECT_TOLERANCE
+
+
+def check_fits(rig: Rig, size_wh: Sequence[int], name: str | Path) -> None:
+    """LanelibError where a picture or video `name` of this size cannot be of the rig's camera."""
+    if not fits(rig, size_wh):
+        raise LanelibError(
+            f"{name}: needed pictures in the proportions of the rig {rig.name!r} ({rig.size_wh[0]}x{rig.size_wh[1]}), "
+            f"found {size_wh[0]}x{size_wh[1]}; give the rig of this camera (--rig) or make one with `lanelib rig`")
+
+
+def choose_rig(frames: Sequence[np.ndarray], rigs: Iterable[Rig]) -> RigChoice:
+    """The rig under which the finder, each frame on its own, has the highest median confidence.
+
+    `frames`: (H, W, 3) uint8 BGR, of one camera; at most `TRIAL_FRAMES` of them, evenly spread, are looked at. Raises
+    LanelibError where there are no frames, no rig has their proportions, or none makes the finder see a lane.
+    """
+    if not len(frames):
+        raise LanelibError("choosing a rig: needed at least one picture, found none; name the rig (--rig)")
+    rigs = list(rigs)
+    height, width = frames[0].shape[:2]
+    fitting = [rig for rig in rigs if fits(rig, (width, height))]
+    if not fitting:
+        found = ", ".join(f"{r.name} {r.size_wh[0]}x{r.size_wh[1]}" for r in rigs) or "none"
+        raise LanelibError(f"needed a rig for pictures of {width}x{height}, found none in these proportions (there: {found}); "
+                           "make one with `lanelib rig FRAME --camera none -o RIG`")
+    trial = [frames[i] for i in spread(len(frames), TRIAL_FRAMES)]
+    medians = []
+    for rig in fitting:
+        finder = LaneFinder(rig, track=False)
+        medians.append(float(np.median([finder.process(frame).confidence for frame in trial])))
+    best = int(np.argmax(medians))
+    others = ", ".join(f"{r.name} {m:.2f}" for i, (r, m) in enumerate(zip(fitting, medians, strict=True)) if i != best)
+    if medians[best] < LEAST_CONFIDENCE:
+        raise LanelibError(f"needed a rig that fits these pictures, found none (the best, {fitting[best].name}, sees lanes "
+                           f"with confidence {medians[best]:.2f}); make one with `lanelib rig FRAME --camera none -o RIG`")
+    beside = f" (others: {others})" if others else ""
+    return RigChoice(fitting[best], f"median confidence {medians[best]:.2f} over {len(trial)} frame(s){beside}")
+
+
+def spread(n: int, count: int) -> list[int]:
+    """At most `count` of the indices 0 .. n - 1, evenly spread.
+
+    >>> spread(10, 4)
+    [1, 3, 6, 8]
+    """
+    return list(range(n)) if n <= count else [int((i + 0.5) * n / count) for i in range(count)]
+
+
+def frames_of_video(path: str | Path, count: int = TRIAL_FRAMES) -> list[np.ndarray]:
+    """Up to `count` frames (BGR), evenly spread over a video; the first ones where it does not say how long it is."""
+    info = probe(path)
+    if info.duration_s <= 0 or info.n_frames <= 4 * count:  # short, or unknown: read it from the front
+        frames = []
+        with read_frames(path) as reader:
+            for frame in reader:
+                frames.append(frame.frame_bgr)
+                if len(frames) >= 4 * count:
+                    break
+        return [frames[i] for i in spread(len(frames), count)]
+    frames = []
+    for i in range(count):
+        with read_frames(path, start_s=(i + 0.5) / count * info.duration_s) as reader:
+            frame = next(iter(reader), None)
+        if frame is not None:
+            frames.append(frame.frame_bgr)
+    if not frames:
+        raise LanelibError(f"{path}: needed a video whose frames can be read, found none at {count} places; record it again")
+    return frames

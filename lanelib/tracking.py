@@ -1,0 +1,141 @@
+"""The only state over time: what the last frames said about the lane, and what to do when a frame says nothing.
+
+The state is the joint fit's seven numbers (see ``jointfit.NAMES``). Four ways of smoothing can be compared:
+
+    none         each frame speaks for itself
+    average      mean of the last n frames, each weighted with the inverse variance of its own fit
+    exponential  s = s + alpha (measured - s)
+    kalman       prediction with process noise, then the frame's fit under that prediction as prior (the default: measured in
+                 notebook 05 to have the least error and jitter for the least lag)
+
+A missed frame is an event of its own (``update(None, reason)``): the last good lane is held for a bounded time, then forgotten.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lanelib.jointfit import CENTRE, PITCH, UNKNOWN_ROAD, WIDTH, JointFit, Prior
+
+# How fast each number changes: standard deviation of a step from frame to frame at 25 frames a second. Centre: 2 m/s sideways; heading: half
+# a radian a second; bend: from straight to R 60 m in a second; pitch: 6 degrees a second over bumps. Half of it lags on a winding road, three
+# times of it jitters on a motorway (notebook 05).
+STEP_STD = np.array([0.1, 0.02, 4e-4, 1.2e-5, 0.03, 0.004, 6e-5])
+HOLD_FRAMES = 12  # half a second at 25 frames a second: longer, and the car has left what was known
+SMOOTHING = ("none", "average", "exponential", "kalman")
+
+
+@dataclass(frozen=True)
+class Event:
+    """What one frame did to the tracker: ``status`` measured, held or none; ``missed`` frames in a row; ``reason`` of a miss."""
+
+    status: str
+    missed: int = 0
+    reason: str = ""
+    handover: bool = False
+
+
+class LaneTracker:
+    """Follows one lane from frame to frame.
+
+    Use: ``prior = tracker.predict()``; fit the frame under it; ``event = tracker.update(fit)`` or
+    ``tracker.update(None, "why")``; the smoothed lane is ``tracker.fit`` (None when there is none).
+    """
+
+    def __init__(self, *, smoothing: str = "kalman", hold_frames: int = HOLD_FRAMES, n: int = 6, alpha: float = 0.3,
+                 step_std: np.ndarray = STEP_STD):
+        if smoothing not in SMOOTHING:
+            from lanelib.errors import LanelibError
+
+            raise LanelibError(f"smoothing must be one of {', '.join(SMOOTHING)}, found {smoothing!r}")
+        self.smoothing, self.hold_frames, self.alpha = smoothing, hold_frames, alpha
+        self.step_std = np.asarray(step_std, float)
+        self._history: deque[JointFit] = deque(maxlen=n if smoothing == "average" else 1)
+        self._drive_pitch = 0.0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the lane (what was learned of the drive's pitch stays)."""
+        self.fit: JointFit | None = None
+        self.missed = 0
+        self._history.clear()
+
+    @property
+    def background(self) -> Prior:
+        """What is believed of a road of which nothing is known, on this drive: the car's load and a rig made on
+        another day tilt the camera by a degree, which is learned over some seconds."""
+        mean = UNKNOWN_ROAD.mean.copy()
+        mean[PITCH] = self._drive_pitch
+        return replace(UNKNOWN_ROAD, mean=mean)
+
+    def predict(self) -> Prior | None:
+        """Where the lane should be in the next frame; None when nothing is known.
+
+        Each number is an Ornstein-Uhlenbeck process: it wanders by ``step_std`` a frame and is drawn back to the unknown
+        road, m' = b + r (m - b), P' = r P r + (1 - r^2) S with r = sqrt(1 - step^2 / S), so that a long gap ends in
+        knowing nothing rather than in nonsense.
+        """
+        if self.fit is None:
+            return None
+        base = self.background
+        spread = np.diag(base.covariance)
+        r = np.sqrt(1 - np.minimum(self.step_std**2 / spread, 1))
+        mean = base.mean + r * (self.fit.mean - base.mean)
+        covariance = self.fit.covariance * np.outer(r, r) + np.diag((1 - r**2) * spread)
+        return Prior(mean, covariance)
+
+    def fit_prior(self) -> Prior | None:
+        """The prior under which a frame is to be fitted: the prediction (kalman), or the unknown road (the other smoothers)."""
+        prediction = self.predict()
+        return prediction if prediction is None or self.smoothing == "kalman" else self.background
+
+    def update(self, fit: JointFit | None, reason: str = "") -> Event:
+        """Take in a frame's fit, or that it had none."""
+        if fit is None:
+            self.missed += 1
+            if self.fit is None or self.missed > self.hold_frames:
+                self.reset()
+                return Event("none", 0, reason)
+            prediction = self.predict()
+            self.fit = replace(self.fit, mean=self._held(prediction.mean), covariance=prediction.covariance)
+            return Event("held", self.missed, reason)
+        self.missed = 0
+        smoothed = self._smooth(fit)
+        if self.fit is not None:  # a double line stays one while a frame is unsure of it
+            calm = [old + 0.2 * (new - old) for old, new in zip(self.fit.inward_m, fit.inward_m)]
+            smoothed = replace(smoothed, inward_m=tuple(calm))
+        self._drive_pitch += 0.02 * (smoothed.mean[PITCH] - self._drive_pitch)
+        self.fit, handover = handed_over(smoothed)
+        if handover:
+            self._history.clear()
+        self._history.append(self.fit if handover else fit)
+        return Event("measured", 0, "", handover)
+
+    def _held(self, predicted: np.ndarray) -> np.ndarray:
+        """While held, the lane stays where it was; only what no one saw (pitch, hill) relaxes."""
+        mean = self.fit.mean.copy()
+        mean[PITCH:] = predicted[PITCH:]
+        return mean
+
+    def _smooth(self, fit: JointFit) -> JointFit:
+        if self.fit is None or self.smoothing in ("none", "kalman"):  # kalman: the prior was in the fit
+            return fit
+        if self.smoothing == "exponential":
+            return replace(fit, mean=self.fit.mean + self.alpha * (fit.mean - self.fit.mean))
+        fits = [*self._history, fit]
+        weights = np.array([1 / np.diag(f.covariance) for f in fits])
+        return replace(fit, mean=np.sum(weights * [f.mean for f in fits], axis=0) / weights.sum(axis=0))
+
+
+def handed_over(fit: JointFit, *, margin_m: float = 0.25) -> tuple[JointFit, bool]:
+    """On a lane change the ego lane becomes the neighbour: once the car's centre is ``margin_m`` beyond a line (so that
+    driving on the line does not flicker), the lane moves over by its width."""
+    centre, width = fit.mean[CENTRE], fit.mean[WIDTH]
+    if abs(centre) <= width / 2 + margin_m:
+        return fit, False
+    mean = fit.mean.copy()
+    mean[CENTRE] -= np.sign(centre) * width
+    return replace(fit, mean=mean), True

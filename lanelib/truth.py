@@ -1,0 +1,126 @@
+"""The exact truth beside rendered pictures: `truth.json`, read and checked (format: docs/ARCHITECTURE.md, Files)."""
+
+import json
+import math
+from pathlib import Path, PurePosixPath
+
+from lanelib.errors import LanelibError
+
+FORMAT = "lanelib-truth/1"
+MAX_BYTES = 200_000_000
+"""A larger file is refused: ten times the truth of the longest shipped clips (about 20 kB a frame, 1,000 frames)."""
+_NUMBERS = ("curvature_1pm", "offset_m", "lane_width_m")
+
+
+def load_truth(folder: Path | str) -> dict[str, dict]:
+    """Frames (or chessboards) of `folder/truth.json` by their `raw_file`, in the file's order.
+
+    Each value is the JSON object as it stands there, after these checks: names are inside the folder and stand
+    once; a frame's `lanes` are none or two, each as long as `h_samples`, of finite numbers; `visible`, where
+    given, has their shape and holds 0 and 1; a frame with lanes has `radius_m` (positive, or null: straight),
+    `curvature_1pm`, `offset_m` and `lane_width_m`; a board has `rvec`, `tvec`, `square_m` and `board_wh`.
+
+    Raises LanelibError naming the file, the entry and what is wrong with it.
+    """
+    document, path = _read(Path(folder))
+    kinds = [kind for kind in ("frames", "boards") if kind in document]
+    if len(kinds) != 1 or not isinstance(document[kinds[0]], list):
+        raise LanelibError(f"{path}: a list of 'frames' or of 'boards' is needed, found {sorted(document)}")
+    check = _check_frame if kinds[0] == "frames" else _check_board
+    truth: dict[str, dict] = {}
+    for number, entry in enumerate(document[kinds[0]]):
+        try:
+            name = _name_of(entry)
+            if name in truth:
+                raise ValueError("a second entry of that raw_file")
+            check(entry)
+        except (ValueError, TypeError, KeyError) as error:
+            what = f"{error.args[0]!r} is missing" if isinstance(error, KeyError) else error
+            label = entry.get("raw_file", "") if isinstance(entry, dict) else ""
+            raise LanelibError(f"{path}: entry {number} of {kinds[0]} ({label!r}): {what}") from None
+        truth[name] = entry
+    return truth
+
+
+def load_truth_camera(folder: Path | str) -> dict:
+    """The camera of `folder/truth.json` as it stands there: `size_wh`, `camera_matrix`, `distortion`.
+
+    Raises LanelibError where there is none.
+    """
+    document, path = _read(Path(folder))
+    camera = document.get("camera")
+    if not isinstance(camera, dict) or not {"size_wh", "camera_matrix", "distortion"} <= set(camera):
+        found = "none" if camera is None else f"{camera!r:.60}"
+        raise LanelibError(f"{path}: 'camera' with size_wh, camera_matrix, distortion is needed, found {found}")
+    return camera
+
+
+def _read(folder: Path) -> tuple[dict, Path]:
+    path = folder / "truth.json"
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise LanelibError(f"{path}: at most {MAX_BYTES} bytes are read, it has {path.stat().st_size}")
+        document = json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_constant)
+    except OSError as error:
+        raise LanelibError(f"{path}: the truth of a folder's pictures is needed: {error.strerror}") from None
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, LanelibError):
+            raise
+        raise LanelibError(f"{path}: JSON is needed, found something else ({error})") from None
+    found = document.get("format") if isinstance(document, dict) else type(document).__name__
+    if found != FORMAT:
+        raise LanelibError(f"{path}: format {FORMAT!r} is needed, found {found!r}")
+    return document, path
+
+
+def _no_constant(text: str) -> float:
+    raise ValueError(f"{text} is not a number")
+
+
+def _name_of(entry: dict) -> str:
+    if not isinstance(entry, dict):
+        raise ValueError("an object is needed")
+    name = entry["raw_file"]
+    if not isinstance(name, str) or not name or "\\" in name:
+        raise ValueError("raw_file must be a file's name")
+    if PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:
+        raise ValueError("raw_file must lie inside the folder")
+    return name
+
+
+def _check_frame(frame: dict) -> None:
+    rows = _numbers(frame["h_samples"], "h_samples")
+    lanes = frame["lanes"]
+    if not isinstance(lanes, list) or len(lanes) not in (0, 2):
+        raise ValueError("lanes must be [] or [left, right]")
+    for lane in lanes:
+        _numbers(lane, "a line of lanes", length=len(rows))
+    if "visible" in frame:
+        if not isinstance(frame["visible"], list) or len(frame["visible"]) != len(lanes):
+            raise ValueError("visible must have as many lines as lanes")
+        for line in frame["visible"]:
+            if not set(_numbers(line, "a line of visible", length=len(rows))) <= {0, 1}:
+                raise ValueError("visible must be of 0 and 1")
+    if lanes:
+        _numbers([frame[key] for key in _NUMBERS], "/".join(_NUMBERS))
+        if (radius_m := frame["radius_m"]) is not None and not _numbers([radius_m], "radius_m")[0] > 0:
+            raise ValueError("radius_m must be positive, or null where the road is straight")
+        if not frame["lane_width_m"] > 0:
+            raise ValueError("lane_width_m must be positive")
+    if not all(isinstance(tag, str) for tag in frame.get("tags", [])):
+        raise ValueError("tags must be words")
+
+
+def _check_board(board: dict) -> None:
+    _numbers(board["rvec"], "rvec", length=3)
+    _numbers(board["tvec"], "tvec", length=3)
+    if not min(_numbers([board["square_m"], *board["board_wh"]], "square_m and board_wh", length=3)) > 0:
+        raise ValueError("square_m and board_wh must be positive")
+
+
+def _numbers(values: list, what: str, length: int | None = None) -> list[float]:
+    if not isinstance(values, list) or (length is not None and len(values) != length):
+        raise ValueError(f"{what} must be a list" + ("" if length is None else f" of {length} numbers"))
+    if not all(isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v) for v in values):
+        raise ValueError(f"{what} must be finite numbers")
+    return values

@@ -1,0 +1,198 @@
+"""Frames into a video file: `VideoWriter`.
+
+Raw frames with their times go through a pipe to ffmpeg, which encodes them in its own process.
+"""
+
+import contextlib
+import io
+import os
+import subprocess
+import threading
+import weakref
+from pathlib import Path
+from types import TracebackType
+from typing import IO
+
+import numpy as np
+
+from lanelib import matroska
+from lanelib.errors import LanelibError
+from lanelib.ffmpeg import (
+    COLOR_MATRICES,
+    MAX_MESSAGES,
+    MP4_AUDIO,
+    PIXEL_FORMATS,
+    POPEN_OPTIONS,
+    end_process,
+    exact_rate,
+    ffmpeg_exe,
+    file_url,
+    input_options,
+    probe,
+    reason,
+    widen_pipe,
+)
+
+
+class VideoWriter:
+    """Writes H.264 in yuv420p that plays in browsers, complete under its name or not at all.
+
+    Use it in a `with` block. The file grows as `.NAME.part.mp4` beside its final name and is renamed when the block
+    ends without an exception. Frames are (H, W, 3) uint8 BGR, or YUV planes (`pixel_format` "yuv420p" or "nv12").
+    An odd width or height is made even by repeating the last column or row, so nothing is lost and no pixel moves.
+
+    size_wh : of the frames; None takes it from the first frame. fps : the nominal rate, and the spacing of frames
+    written without a time. preset, crf : x264's speed and quality (18 looks the same as the source, 28 is small).
+    audio_from : a file whose sound track is kept (from `audio_start_s`, for `audio_duration_s`); copied where MP4 can
+    hold it, else encoded to AAC. color_matrix : the YUV matrix of the planes, or to be used for BGR; None leaves it
+    open, as in the source (players and OpenCV then assume BT.601).
+    Raises LanelibError: output name, folder, same file as `audio_from`, frame of another size, ffmpeg's failure.
+    """
+
+    def __init__(
+        self, path: str | Path, *, size_wh: tuple[int, int] | None = None, fps: float = 25.0, preset: str = "veryfast",
+        crf: float = 20, pixel_format: str = "bgr24", audio_from: str | Path | None = None, audio_start_s: float = 0.0,
+        audio_duration_s: float | None = None, color_matrix: str | None = "bt709", threads: int = 0,
+    ):
+        self.path = checked_output(path, source=audio_from)
+        if pixel_format not in PIXEL_FORMATS:
+            raise LanelibError(f"needed a pixel format of {', '.join(PIXEL_FORMATS)}, found {pixel_format!r}")
+        if not fps > 0:
+            raise LanelibError(f"{path}: needed a frame rate above 0, found {fps:g}")
+        self.size_wh, self.frames = size_wh, 0
+        self._rate, self._preset, self._crf, self._pixel_format = exact_rate(fps), preset, crf, pixel_format
+        self._audio = (audio_from, audio_start_s, audio_duration_s)
+        self._color_matrix = color_matrix if color_matrix in COLOR_MATRICES else None
+        self._threads = threads
+        self._part = self.path.with_name(f".{self.path.stem}.part{self.path.suffix}")
+        self._said: list[str] = []
+        self._process: subprocess.Popen[bytes] | None = None
+        self._last_us = -1
+        # Ticks of the output: a whole number per frame, and at most 1/30000 s for other times.
+        self._timescale = self._rate.numerator * -(-30000 // self._rate.numerator)
+
+    def __enter__(self) -> "VideoWriter":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self.abort()
+
+    def write(self, frame: np.ndarray, *, time_s: float | None = None) -> None:
+        """Append a frame at `time_s` from the start (default: the next one at the nominal rate)."""
+        if self._process is None:
+            self._start(frame)
+        if frame.dtype != np.uint8 or frame.shape != self._shape:
+            raise LanelibError(f"{self.path}: needed every frame as uint8 of shape {self._shape}, "
+                               f"found {frame.dtype} of shape {frame.shape}")
+        if self._pixel_format == "bgr24" and (self.size_wh[0] % 2 or self.size_wh[1] % 2):
+            frame = np.pad(frame, ((0, self.size_wh[1] % 2), (0, self.size_wh[0] % 2), (0, 0)), mode="edge")
+        time_us = round((self.frames / self._rate if time_s is None else time_s) * 1_000_000)
+        # A player needs ascending times: one that stands still or goes back moves up by a tick.
+        time_us = max(time_us, self._last_us + -(-1_000_000 // self._timescale) if self.frames else 0)
+        try:
+            _pour(self._process.stdin, matroska.frame_header(time_us, frame.nbytes))
+            _pour(self._process.stdin, np.ascontiguousarray(frame))
+        except (BrokenPipeError, ValueError):
+            raise self._failure() from None
+        self._last_us, self.frames = time_us, self.frames + 1
+
+    def close(self) -> None:
+        """Finish the file and give it its name; LanelibError if ffmpeg could not."""
+        if self._process is None:
+            raise LanelibError(f"{self.path}: needed at least one frame to write, found none")
+        with contextlib.suppress(OSError):
+            self._process.stdin.close()
+        if self._process.wait() != 0:
+            raise self._failure()
+        self._log_thread.join()
+        self._abandon.detach()
+        os.replace(self._part, self.path)
+
+    def abort(self) -> None:
+        """End ffmpeg and remove what was written so far."""
+        if self._process is not None:
+            self._abandon()
+
+    def interrupt(self) -> None:
+        """End a write that waits for ffmpeg in another thread; abort() must follow."""
+        if self._process is not None:
+            self._process.kill()
+
+    def _failure(self) -> LanelibError:
+        with contextlib.suppress(OSError):
+            self._process.stdin.close()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(timeout=10)  # its last words tell why
+        self.abort()
+        why = reason("\n".join(self._said)) if self._said else f"it ended with status {self._process.returncode}"
+        return LanelibError(f"{self.path}: cannot write the video, ffmpeg says: {why}")
+
+    def _start(self, first: np.ndarray) -> None:
+        if self.size_wh is None:
+            if first.ndim != (3 if self._pixel_format == "bgr24" else 2):
+                raise LanelibError(f"{self.path}: needed {self._pixel_format} frames, found shape {first.shape}")
+            rows = first.shape[0] if self._pixel_format == "bgr24" else first.shape[0] * 2 // 3
+            self.size_wh = (first.shape[1], rows)
+        width, height = (n + n % 2 for n in self.size_wh)
+        planes = self._pixel_format != "bgr24"
+        self._shape = (height * 3 // 2, width) if planes else (self.size_wh[1], self.size_wh[0], 3)
+        matrix = self._color_matrix
+        filters = [] if planes else [f"scale=out_range=tv{f':out_color_matrix={matrix}' if matrix else ''}"]
+        filters += ["format=yuv420p", f"setparams=range=tv{f':colorspace={matrix}' if matrix else ''}"]
+        self._process = subprocess.Popen(
+            [ffmpeg_exe(), "-hide_banner", "-nostats", "-y", "-loglevel", "level+warning", "-probesize", "32",
+             "-analyzeduration", "0", "-f", "matroska", "-i", "pipe:0", *self._audio_input(), "-map", "0:v:0",
+             "-vf", ",".join(filters), "-c:v", "libx264", "-preset", self._preset, "-crf", f"{self._crf:g}",
+             "-threads", str(self._threads), "-fps_mode", "passthrough", "-enc_time_base", f"1/{self._timescale}",
+             "-video_track_timescale", str(self._timescale), "-movflags", "+faststart", file_url(self._part)],
+            stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, bufsize=0, **POPEN_OPTIONS)
+        widen_pipe(self._process.stdin)
+        self._log_thread = threading.Thread(target=_collect, args=(self._process.stderr, self._said), daemon=True,
+                                            name="ffmpeg-log")
+        self._log_thread.start()
+        self._abandon = weakref.finalize(self, end_process, self._process, self._log_thread, self._part)
+        with contextlib.suppress(BrokenPipeError):
+            _pour(self._process.stdin, matroska.file_header((width, height), self._pixel_format, self._rate))
+
+    def _audio_input(self) -> list[str]:
+        source, start_s, duration_s = self._audio
+        codec = None if source is None else probe(source).audio_codec
+        if codec is None:
+            return []
+        section = ["-ss", f"{start_s:.6f}"] * bool(start_s)
+        section += ["-t", f"{duration_s:.6f}"] if duration_s is not None else []
+        return [*section, *input_options(), "-i", file_url(source), "-map", "1:a:0",
+                "-c:a", "copy" if codec in MP4_AUDIO else "aac"]
+
+
+def checked_output(path: str | Path, *, source: str | Path | None = None) -> Path:
+    """The path, if a video can be written there without touching `source`; else LanelibError."""
+    path = Path(path)
+    if path.suffix.lower() not in (".mp4", ".m4v", ".mov"):
+        raise LanelibError(f"{path}: needed an output name ending in .mp4, found {path.suffix or 'no ending'!r}")
+    if path.is_dir():
+        raise LanelibError(f"{path}: needed an output file name, found a directory; name a file in it")
+    if not path.parent.is_dir():
+        raise LanelibError(f"{path}: needed an existing folder for the output, found none; make {path.parent}")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise LanelibError(f"{path}: needed a folder with write permission, found none on {path.parent}; use another")
+    if source is not None and path.exists() and Path(source).exists() and os.path.samefile(path, source):
+        raise LanelibError(f"{path}: needed another file for the output than for the input, found the same; rename one")
+    return path
+
+
+def _pour(pipe: IO[bytes], data: bytes | np.ndarray) -> None:
+    """Write all of it (a pipe may take a part only)."""
+    view = memoryview(data).cast("B")
+    while view:
+        view = view[pipe.write(view):]
+
+
+def _collect(pipe: IO[bytes], said: list[str]) -> None:
+    with io.BufferedReader(pipe) as lines:
+        for raw in lines:
+            if len(said) < MAX_MESSAGES:
+                said.append(raw.decode("utf-8", "replace"))

@@ -1,0 +1,73 @@
+"""One frame: trace, denoise, put the air in, develop, and say the truth."""
+
+import drjit as dr
+import mitsuba_oidn
+import numpy as np
+
+from lanelib.road import CarPose, frame_truth, line_in_car_axes  # noqa: F401
+
+from .develop import develop
+from .lens import true_lens
+from .tracer import mi, trace
+from .world import camera_pose, lane_of, mounting_of
+
+H_SAMPLES = range(400, 680, 10)  # below row 680 is the bonnet
+
+
+def hidden_test(scene, world_from_car, mounting):
+    """Tells for points (n, 3) in car axes which of them something stands in front of."""
+    eye = (world_from_car @ np.array([0, 0, mounting.height_m, 1]))[:3]
+
+    def hidden(points):
+        world = np.c_[points, np.ones(len(points))] @ world_from_car.T
+        ray = world[:, :3] + [0, 0, 0.03] - eye
+        far = np.linalg.norm(ray, axis=1)
+        rays = mi.Ray3f(mi.Point3f(*eye.tolist()), mi.Vector3f(*(ray / far[:, None]).T.astype(np.float32)))
+        rays.maxt = mi.Float((far * 0.997).astype(np.float32))
+        return np.array(scene.ray_test(rays))
+
+    return hidden
+
+
+def light_of(mitsuba_scene, pose4, *, spp, seed, shrink=1, end_pose=None, max_depth=5, denoise=True, clamp=30.0):
+    """(light, depth): denoised linear RGB and mean distance (0 for the sky)."""
+    out = trace(mitsuba_scene, true_lens(), pose4, spp=spp, seed=seed, aovs="a:albedo,n:sh_normal,d:depth", shrink=shrink,
+                end_pose=end_pose, max_depth=max_depth, clamp=clamp)
+    light, albedo, normal, depth = out[..., :3], np.clip(out[..., 3:6], 0, 1), out[..., 6:9], out[..., 9]
+    if denoise:
+        light = mitsuba_oidn.denoise(np.ascontiguousarray(light), np.ascontiguousarray(albedo), np.ascontiguousarray(normal), hdr=True)
+    return np.asarray(light), depth
+
+
+def haze(light, depth, air):
+    """Aerial perspective: distant things take the colour of the sky above the horizon."""
+    visibility = air.get("visibility_m", 12000.0)
+    sky = depth <= 0
+    color = np.array(air["rgb"]) if "rgb" in air else None
+    if color is None:
+        rows = np.flatnonzero(sky.mean(1) > 0.2)
+        band = light[rows[-1] - max(2, len(rows) // 12):rows[-1] + 1] if len(rows) else light
+        color = np.median(band[sky[rows[-1] - max(2, len(rows) // 12):rows[-1] + 1]], 0) if len(rows) else light.mean((0, 1))
+    keep = np.exp(-3.0 * depth / visibility)[..., None]
+    return np.where(sky[..., None], light, light * keep + color * (1 - keep) * air.get("brightness", 0.85)).astype(np.float32)
+
+
+def shoot(world, pose: CarPose, *, spp=24, seed=0, shrink=1, raw_file="", tags=(), time_s=None, mounting=None, end=None,
+          max_depth=5, exposure=None, noise_seed=None):
+    """(frame_bgr, truth, exposure) of one moment."""
+    scene, lens = world.scene, true_lens()
+    mounting = mounting or mounting_of(scene)
+    loaded = world.load(pose, time_s=time_s)
+    m = pose.world_from_car(world.road)
+    light, depth = light_of(loaded, camera_pose(m, mounting), spp=spp, seed=seed, shrink=shrink, max_depth=max_depth,
+                            end_pose=None if end is None else camera_pose(end[0].world_from_car(world.road), end[1]))
+    light = haze(light, depth, scene.get("air", {}))
+    camera = dict(scene.get("camera", {}))
+    exposure = exposure or camera["exposure"]
+    camera["exposure"] = exposure
+    frame = develop(light, seed=seed if noise_seed is None else noise_seed, **camera)
+    left, right = lane_of(scene)
+    truth = frame_truth(world.road, pose, mounting, lens.camera_matrix, lens.distortion, lens.size_wh, left, right,
+                        raw_file=raw_file, tags=tags, h_samples=H_SAMPLES, hidden=hidden_test(loaded, m, mounting))
+    dr.flush_malloc_cache()
+    return frame, truth, exposure

@@ -1,0 +1,166 @@
+"""The repository as a whole: sizes, paths, hosts, versions that must agree, commands that must exist."""
+
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+import lanelib
+
+ROOT = Path(__file__).resolve().parents[1]
+DATA = ("camera_cal", "test_images", "test_videos", "output_images", "output_videos")
+# Written in two halves, or this file would find itself.
+REGISTRIES = [a + b for a, b in [("pypi", ".org"), ("pythonhosted", ".org"), ("npmjs", ".org"), ("npmjs", ".com"),
+                                 ("deb.debian", ".org"), ("anaconda", ".org"), ("crates", ".io")]]  # fmt: skip
+MACHINE = re.compile(r"(?<![\w.:/-])/(?:wo" + r"rk|tm" + r"p|ro" + r"ot|ho" + r"me/\w+|Us" + r"ers/\w+|fa" + r"rm)/")
+
+
+def git(*arguments: str) -> str:
+    return subprocess.run(["git", "-C", str(ROOT), *arguments], capture_output=True, text=True, check=True).stdout
+
+
+@pytest.fixture(scope="module")
+def files() -> list[Path]:
+    """What is, or would be, in the repository."""
+    if not (ROOT / ".git").exists():
+        pytest.skip("not a git checkout")
+    names = git("ls-files", "-z", "--cached", "--others", "--exclude-standard").split("\0")
+    return [ROOT / name for name in names if name and (ROOT / name).is_file()]
+
+
+def texts(files: list[Path]):
+    for path in files:
+        if path.stat().st_size < 5_000_000 and path.suffix not in {".jpg", ".jpeg", ".png", ".mp4", ".exr", ".npz"}:
+            try:
+                yield path.relative_to(ROOT), path.read_text(encoding="utf-8")
+            except UnicodeDecodeError:
+                continue
+
+
+def requirements(name: str) -> dict[str, str]:
+    lines = [line.split("#")[0].strip() for line in (ROOT / name).read_text().splitlines()]
+    return dict(re.fullmatch(r"([A-Za-z0-9_.-]+?)([=<>!~].*)", line).groups() for line in lines if line)
+
+
+def targets() -> set[str]:
+    return set(re.findall(r"^([a-z][a-z-]*):", (ROOT / "Makefile").read_text(), flags=re.M))
+
+
+# ------------------------------------------------------------------------------------------------------------- content
+
+
+def test_no_registry_is_named(files):
+    named = [f"{path}: {host}" for path, text in texts(files) for host in REGISTRIES if host in text]
+    assert not named
+
+
+def test_no_path_of_somebodys_machine(files):
+    # Jupyter's own temporary folder has to be named where nbval's outputs are cleaned of it.
+    found = [
+        f"{path}: {match.group()}"
+        for path, text in texts(files)
+        for match in MACHINE.finditer(text)
+        if path.name != "nbval_sanitize.cfg"
+    ]
+    assert not found
+
+
+def test_large_files_are_data(files):
+    large = [path for path in files if path.stat().st_size > 5_000_000 and path.relative_to(ROOT).parts[0] not in DATA]
+    assert not large
+    assert sum(path.stat().st_size for path in files) < 150_000_000
+
+
+def test_what_is_fetched_stays_out_of_git():
+    if not (ROOT / ".git").exists():
+        pytest.skip("not a git checkout")
+    from lanelib.fetch import manifest
+
+    ignored = git("check-ignore", *manifest("udacity"), "test_images/rendered/a.jpg.part").split()
+    assert len(ignored) == 44
+
+
+def test_no_notebook_or_module_is_pickled_data(files):
+    assert not [path for path in files if path.suffix in {".p", ".pkl", ".pickle", ".joblib"}]
+
+
+# ------------------------------------------------------------------------------------------------ versions that agree
+
+
+def test_every_requirement_has_a_lower_and_an_upper_bound():
+    for name, bounds in (requirements("requirements.txt") | requirements("requirements-dev.txt")).items():
+        assert re.fullmatch(r"==[\d.]+|>=[\d.]+,<\d+", bounds), f"{name}{bounds}"
+
+
+def test_the_oldest_versions_are_the_lower_bounds():
+    wanted = requirements("requirements.txt") | requirements("requirements-dev.txt")
+    lower = {name: re.match(r">=([\d.]+)", bounds)[1] for name, bounds in wanted.items() if bounds.startswith(">=")}
+    oldest = {name: bounds.removeprefix("==") for name, bounds in requirements("constraints-oldest.txt").items()}
+    assert oldest.keys() == lower.keys()
+
+    def parts(version):
+        numbers = [int(n) for n in version.split(".")]
+        return numbers + [0] * (4 - len(numbers))
+
+    for name, version in oldest.items():
+        assert parts(version) == parts(lower[name]), name
+
+
+def test_one_version_of_ruff():
+    pinned = requirements("requirements-dev.txt")["ruff"].removeprefix("==")
+    assert f"rev: v{pinned}\n" in (ROOT / ".pre-commit-config.yaml").read_text()
+
+
+def test_one_version_of_lanelib():
+    assert f"version: {lanelib.__version__}\n" in (ROOT / "CITATION.cff").read_text()
+    assert f"## {lanelib.__version__} " in (ROOT / "CHANGELOG.md").read_text()
+
+
+# ----------------------------------------------------------------------------------------------------------- commands
+
+
+def test_ci_can_be_run_and_runs_the_tests():
+    script = ROOT / ".ci" / "run"
+    assert os.access(script, os.X_OK)
+    text = script.read_text()
+    assert "set -euo pipefail" in text and re.search(r"^make test$", text, flags=re.M)
+    assert "bash .ci/run" in (ROOT / ".github" / "workflows" / "ci.yml").read_text()
+    subprocess.run(["bash", "-n", str(script)], check=True)
+
+
+def test_make_help_lists_what_there_is():
+    listed = subprocess.run(["make", "-s", "help"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    listed = set(re.findall(r"^make ([a-z-]+)", listed, flags=re.M))
+    assert {"all", "data", "lab", "test", "test-oldest", "bench", "render", "clean", "help"} <= listed <= targets()
+
+
+@pytest.mark.parametrize("python", ["nowhere/python3", "false", ""])
+def test_make_says_in_one_line_which_python_is_needed(tmp_path, python):
+    command = ["make", "-s", "install", f"VENV={tmp_path / 'venv'}", f"PYTHON={python}"]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert run.returncode == 2
+    assert "Python 3.11 or newer with venv is needed" in run.stderr.splitlines()[0]
+    assert not (tmp_path / "venv").exists()
+
+
+def test_the_commands_of_the_readme_exist():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    made = set(re.findall(r"(?:^|`|\$ )make ([a-z][a-z-]*)", text, flags=re.M))
+    assert {"test", "lab"} <= made <= targets()
+
+
+def test_the_links_of_the_documents_lead_somewhere(files):
+    broken = []
+    for path, text in texts(files):
+        if path.suffix == ".md":
+            for link in re.findall(r"\]\(([^)\s#]+)[^)]*\)", text):
+                if not re.match(r"[a-z]+:", link) and not (ROOT / path.parent / link).exists():
+                    broken.append(f"{path}: {link}")
+    assert not broken
+
+
+def test_licence_is_mit():
+    text = (ROOT / "LICENSE").read_text()
+    assert text.startswith("MIT License") and "The lanelib contributors" in text

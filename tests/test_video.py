@@ -1,0 +1,621 @@
+"""Reading, writing and processing video, on clips whose every frame carries its number."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+from fractions import Fraction
+from pathlib import Path
+
+import clips
+import cv2
+import numpy as np
+import psutil
+import pytest
+
+from lanelib import ffmpeg, matroska
+from lanelib.errors import LanelibError
+from lanelib.pipeline import ProgressBar, process_video
+from lanelib.video import VideoWriter, probe, read_frames
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """20 frames, 25 a second, 160x96."""
+    return clips.clip(tmp_path_factory.mktemp("clips") / "plain.mp4")
+
+
+@pytest.fixture(autouse=True)
+def no_process_left():
+    """No test may leave an ffmpeg or a thread of this package behind."""
+    yield
+    deadline = time.monotonic() + 5
+    while time.monotonic() < deadline:
+        left = [p for p in psutil.Process().children(recursive=True) if "ffmpeg" in p.name()]
+        threads = [t.name for t in threading.enumerate() if t.name in ("ffmpeg-log", "decode", "encode")]
+        if not left and not threads:
+            return
+        time.sleep(0.05)
+    pytest.fail(f"left behind: {left}, {threads}")
+
+
+def numbers(path: Path, **options) -> list[int]:
+    with read_frames(path, **options) as frames:
+        return [clips.frame_number(frame.frame_bgr) for frame in frames]
+
+
+def one_line(error: pytest.ExceptionInfo, *words: str) -> None:
+    text = str(error.value)
+    assert "\n" not in text and len(text) < 400
+    for word in words:
+        assert word in text
+
+
+# --- probe ---------------------------------------------------------------------------------------------------------
+
+
+def test_probe_says_what_the_file_says(tmp_path):
+    path = clips.clip(tmp_path / "a.mp4", n_frames=33, size_wh=(128, 64), fps=30000 / 1001, audio_s=1.0)
+    info = probe(path)
+    assert info.size_wh == (128, 64) and info.codec == "h264" and info.has_audio and info.audio_codec == "aac"
+    assert info.fps == pytest.approx(30000 / 1001, rel=1e-9)
+    assert info.duration_s == pytest.approx(33 * 1001 / 30000, abs=0.02)
+    assert abs(info.n_frames - 33) <= 1 and not info.n_frames_exact
+    exact = probe(path, exact=True)
+    assert exact.n_frames == 33 and exact.n_frames_exact
+    assert "128x64" in str(exact) and "33 frames" in str(exact) and "about" not in str(exact)
+
+
+@pytest.mark.parametrize("printed, rate", [
+    (25.0, Fraction(25)), (29.97, Fraction(30000, 1001)), (12.5, Fraction(25, 2)), (23.98, Fraction(24000, 1001)),
+    (59.94, Fraction(60000, 1001)), (30.0, Fraction(30)), (24.0, Fraction(24)),
+])
+def test_the_rate_behind_a_rounded_figure(printed, rate):
+    assert ffmpeg.exact_rate(printed) == rate
+
+
+def test_probe_measures_the_rate_where_the_header_misleads(tmp_path):
+    times_ms = [0, 40, 50, 200, 1000, 1033]
+    path = clips.variable_rate(tmp_path / "v.mkv", times_ms)  # the header says 1000 frames a second
+    info = probe(path, exact=True)
+    assert info.n_frames == 6 and info.fps == pytest.approx(5 / 1.033, rel=1e-6)
+
+
+def test_probe_errors_are_one_line_each(tmp_path):
+    (tmp_path / "empty.mp4").touch()
+    (tmp_path / "text.mp4").write_text("no video\n" * 200)
+    (tmp_path / "list.mp4").write_text(f"#EXTM3U\n#EXTINF:1,\nfile:{clips.clip(tmp_path / 'real.mp4')}\n")
+    cv2.imwrite(str(tmp_path / "picture.jpg"), np.zeros((20, 20, 3), np.uint8))
+    os.mkfifo(tmp_path / "pipe.mp4")
+    cut = clips.clip(tmp_path / "whole.mp4", n_frames=10).read_bytes()  # the index is at the end
+    (tmp_path / "cut.mp4").write_bytes(cut[: len(cut) // 2])
+    clips.audio_only(tmp_path / "sound.mp4")
+    clips.no_frames(tmp_path / "none.mp4")
+    for name, word in [("missing.mp4", "nothing there"), (".", "directory"), ("empty.mp4", "empty"),
+                       ("text.mp4", "else"), ("list.mp4", "else"), ("picture.jpg", "else"), ("pipe.mp4", "pipe"),
+                       ("cut.mp4", "index is missing"), ("sound.mp4", "only sound"),
+                       ("none.mp4", "without a single frame")]:
+        with pytest.raises(LanelibError) as error:
+            probe(tmp_path / name)
+        one_line(error, word, str(tmp_path))
+
+
+def test_a_frame_above_the_stated_size_is_refused(tmp_path, plain, monkeypatch):
+    monkeypatch.setattr(ffmpeg, "MAX_MEGAPIXELS", 0.01)
+    with pytest.raises(LanelibError) as error:
+        probe(plain)
+    one_line(error, "160x96", "0.01 megapixels")
+
+
+def test_corrupted_bytes_of_a_file_never_raise_anything_else(tmp_path):
+    whole = clips.clip(tmp_path / "whole.mp4", n_frames=6, size_wh=(64, 48)).read_bytes()
+    rng = np.random.default_rng(5)
+    outcomes = set()
+    for trial in range(25):
+        data = bytearray(whole)
+        for at in rng.integers(0, len(data), 1 + trial):
+            data[at] = rng.integers(256)
+        path = tmp_path / "fuzzed.mp4"
+        path.write_bytes(bytes(data[: rng.integers(1, len(data)) if trial % 5 == 0 else len(data)]))
+        try:
+            with read_frames(path) as frames:
+                outcomes.add(sum(1 for _ in frames) > 0)
+        except LanelibError as error:
+            assert "\n" not in str(error)
+            outcomes.add(False)
+    assert outcomes == {True, False}
+
+
+# --- reading -------------------------------------------------------------------------------------------------------
+
+
+def test_every_frame_once_in_order_with_its_time(plain):
+    with read_frames(plain) as frames:
+        read = list(frames)
+    assert [f.index for f in read] == list(range(20))
+    assert [clips.frame_number(f.frame_bgr) for f in read] == list(range(20))
+    assert [f.time_s for f in read] == pytest.approx([i / 25 for i in range(20)])
+    assert read[0].frame_bgr.shape == (96, 160, 3) and read[0].frame_bgr.dtype == np.uint8
+    assert not frames.damage and str(frames.damage) == "no damage"
+    assert list(frames) == []
+
+
+def test_the_same_pictures_as_opencv_reads(plain):
+    capture = cv2.VideoCapture(str(plain))
+    for frame in read_frames(plain):
+        ok, expected = capture.read()
+        assert ok and np.abs(frame.frame_bgr.astype(int) - expected).max() <= 2
+    capture.release()
+
+
+def test_colours_are_bgr(plain):
+    frame = next(iter(read_frames(plain)))
+    np.testing.assert_allclose(frame.frame_bgr[70:90, 2:6].mean(axis=(0, 1)), (30, 60, 220), atol=25)
+
+
+@pytest.mark.parametrize("pixel_format, code", [("yuv420p", cv2.COLOR_YUV2BGR_I420), ("nv12", cv2.COLOR_YUV2BGR_NV12)])
+def test_planes_hold_the_same_picture(plain, pixel_format, code):
+    for planes, bgr in zip(read_frames(plain, pixel_format=pixel_format), read_frames(plain), strict=True):
+        assert planes.frame_bgr.shape == (144, 160)
+        difference = cv2.cvtColor(planes.frame_bgr, code).astype(int) - bgr.frame_bgr
+        assert np.abs(difference).mean() < 2.5
+
+
+def test_variable_frame_rate_keeps_its_times(tmp_path):
+    times_ms = [0, 40, 50, 200, 1000, 1033]
+    for name in ("v.mkv", "v.mp4"):
+        with read_frames(clips.variable_rate(tmp_path / name, times_ms)) as frames:
+            read = [(clips.frame_number(f.frame_bgr), f.time_s) for f in frames]
+        assert [n for n, _ in read] == list(range(6))
+        assert [t for _, t in read] == pytest.approx([t / 1000 for t in times_ms], abs=1e-6)
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mkv", ".ts"])  # .ts starts at 1.4 s
+@pytest.mark.parametrize("start_s, end_s", [(0.2, None), (0.2, 0.6), (0.21, 0.59), (0, 0.36), (0.76, 9), (0.72, 0.75),
+                                            (0.001, 0.04)])
+def test_a_section_holds_exactly_its_frames(plain, tmp_path, start_s, end_s, suffix):
+    path = tmp_path / f"a{suffix}"
+    clips.ffmpeg("-i", plain, "-c", "copy", path)
+    expected = [i for i in range(20) if start_s <= i / 25 < (end_s or 99)]
+    with read_frames(path, start_s=start_s, end_s=end_s) as frames:
+        read = list(frames)
+    assert [clips.frame_number(f.frame_bgr) for f in read] == expected
+    assert [f.index for f in read] == expected
+    assert [f.time_s for f in read] == pytest.approx([i / 25 for i in expected], abs=1e-5)
+
+
+@pytest.mark.parametrize("start_s, end_s", [(-1, None), (0.5, 0.5), (2, 1), (0.8, None), (50, None)])
+def test_a_section_that_cannot_be(plain, start_s, end_s):
+    with pytest.raises(LanelibError) as error:
+        read_frames(plain, start_s=start_s, end_s=end_s)
+    one_line(error, "start")
+
+
+def test_times_of_a_long_file_are_exact(tmp_path):
+    """At two hours ffmpeg's printed seconds have lost the milliseconds; ticks have not."""
+    path = clips.clip(tmp_path / "late.mkv", n_frames=4, options=["-output_ts_offset", 7200.04])
+    sound = tmp_path / "two.mkv"
+    clips.ffmpeg("-f", "lavfi", "-t", 0.5, "-i", "sine", "-i", path, "-copyts", "-map", 0, "-map", 1,
+                 "-c:v", "copy", "-c:a", "aac", sound)
+    with read_frames(sound) as frames:
+        assert [f.time_s for f in frames] == pytest.approx([7200.04 + i / 25 for i in range(4)], abs=1.1e-3)
+
+
+def test_one_frame(tmp_path):
+    assert numbers(clips.clip(tmp_path / "one.mp4", n_frames=1)) == [0]
+
+
+def test_ten_bit(tmp_path):
+    assert numbers(clips.clip(tmp_path / "ten.mp4", pix_fmt="yuv420p10le")) == list(range(20))
+
+
+def test_rotation_is_applied(tmp_path):
+    path = clips.rotated(tmp_path / "up.mp4")
+    info = probe(path)
+    assert info.size_wh == (96, 160) and info.rotation_deg == 90
+    with read_frames(path) as frames:
+        read = [cv2.rotate(f.frame_bgr, cv2.ROTATE_90_CLOCKWISE) for f in frames]
+    assert [clips.frame_number(f) for f in read] == list(range(20))
+
+
+def test_odd_size(tmp_path):
+    path = clips.odd(tmp_path / "odd.mp4")
+    bgr = next(iter(read_frames(path))).frame_bgr
+    assert bgr.shape == (97, 161, 3)
+    planes = next(iter(read_frames(path, pixel_format="yuv420p"))).frame_bgr
+    assert planes.shape == (98 * 3 // 2, 162)
+    np.testing.assert_array_equal(planes[:97, 161], planes[:97, 160])
+    np.testing.assert_array_equal(planes[97, :162], planes[96, :162])
+
+
+def test_a_size_that_changes_is_scaled_to_the_first_and_said(tmp_path):
+    path = clips.changing_size(tmp_path / "size.h264")
+    with read_frames(path) as frames:
+        read = list(frames)
+    assert [f.frame_bgr.shape for f in read] == [(96, 160, 3)] * 20
+    assert [clips.frame_number(f.frame_bgr) for f in read] == [*range(10), *range(10)]
+    assert "from 160x96 to 128x64" in str(frames.damage)
+
+
+def test_names_that_look_like_options_or_addresses(tmp_path, plain, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("-i.mp4", "with space.mp4", "straße 道路.mp4", "http:x.mp4", "%03d.mp4", "a|b.mp4"):
+        Path(name).write_bytes(plain.read_bytes())
+        assert numbers(Path(name)) == list(range(20))
+        with VideoWriter(Path(name).with_suffix(".m4v")) as writer:
+            writer.write(clips.picture(3, (64, 48)))
+        assert numbers(Path(name).with_suffix(".m4v")) == [3]
+
+
+# --- damage --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["cut.mp4", "cut.mkv", "cut.avi"])
+@pytest.mark.parametrize("audio_s", [0, 1.6])
+def test_a_truncated_file_yields_its_frames_and_says_so(tmp_path, name, audio_s):
+    if name == "cut.avi" and audio_s:
+        pytest.skip("an AVI without its index says nothing about its length, and sound may go on after the pictures")
+    path = clips.truncated(tmp_path / name, keep=0.45, audio_s=audio_s)
+    with read_frames(path) as frames:
+        read = [clips.frame_number(f.frame_bgr) for f in frames]
+    assert 3 <= len(read) < 38
+    assert read[:-1] == list(range(len(read) - 1))
+    assert frames.damage.truncated and "cut off" in str(frames.damage)
+    whole = tmp_path / f"whole_{name}"
+    with read_frames(whole) as frames:
+        assert len(list(frames)) == 38
+    assert not frames.damage
+
+
+def test_corrupt_packets_are_skipped_and_counted(tmp_path):
+    path = clips.corrupt(tmp_path / "bad.mp4")
+    with read_frames(path) as frames:
+        read = [(f.index, f.time_s) for f in frames]
+    damage = frames.damage
+    assert damage.corrupt_frames > 0 and damage.lost_packets > 0 and damage.messages
+    assert len(read) + damage.lost_packets == 40
+    assert not damage.truncated
+    assert read[-1][1] == pytest.approx(39 / 25)  # the times of those that are left have not moved
+    assert "lost" in str(damage) and "\n" not in str(damage)
+
+
+def test_a_file_of_which_nothing_decodes(tmp_path):
+    whole = clips.clip(tmp_path / "whole.mp4")
+    data = bytearray(whole.read_bytes())
+    start, end = data.find(b"mdat") + 4, data.rfind(b"moov") - 4
+    data[start:end] = b"\xff" * (end - start)
+    (tmp_path / "bad.mp4").write_bytes(data)
+    with pytest.raises(LanelibError) as error:
+        numbers(tmp_path / "bad.mp4")
+    one_line(error, "bad.mp4", "none")
+
+
+# --- leaving nothing behind ----------------------------------------------------------------------------------------
+
+
+def test_stopping_early_ends_ffmpeg(tmp_path):
+    path = clips.clip(tmp_path / "long.mp4", n_frames=250, size_wh=(320, 192))
+    with read_frames(path) as frames:
+        next(frames)
+        process = frames._process
+    assert process.returncode is not None
+    with pytest.raises(RuntimeError, match="mine"), read_frames(path) as frames:
+        for _ in frames:
+            raise RuntimeError("mine")
+    assert frames._process.returncode is not None
+    for _ in read_frames(path):  # no with block, not exhausted: the garbage collector ends it
+        break
+
+
+# --- writing -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size_wh, fps", [((160, 96), 30000 / 1001), ((161, 97), 25), ((160, 97), 12.5),
+                                          ((320, 180), 50)])
+def test_what_is_written_is_read_back(tmp_path, size_wh, fps):
+    path = tmp_path / "out.mp4"
+    with VideoWriter(path, size_wh=size_wh, fps=fps) as writer:
+        for i in range(12):
+            writer.write(clips.picture(i, size_wh))
+        assert not path.exists()
+    info = probe(path, exact=True)
+    assert info.size_wh == (size_wh[0] + size_wh[0] % 2, size_wh[1] + size_wh[1] % 2)
+    assert info.n_frames == 12 and info.fps == pytest.approx(fps, rel=1e-9) and info.codec == "h264"
+    with read_frames(path) as frames:
+        for i, frame in enumerate(frames):
+            assert clips.frame_number(frame.frame_bgr) == i
+            assert frame.time_s == pytest.approx(i / fps, abs=2e-6)
+            cropped = frame.frame_bgr[: size_wh[1], : size_wh[0]].astype(int)  # padded right and below: nothing moved
+            assert np.abs(cropped - clips.picture(i, size_wh)).mean() < 5
+    assert os.listdir(tmp_path) == ["out.mp4"]
+    data = path.read_bytes()
+    assert data.find(b"moov") < data.find(b"mdat")  # plays while it loads
+    said = clips.ffmpeg("-i", path, "-f", "null", "-")
+    assert "yuv420p(tv, bt709" in said
+
+
+def test_given_times_are_kept(tmp_path):
+    times_s = [0.0, 0.04, 0.05, 0.2, 1.0, 1.0333, 1.0333, 0.5]  # the last two stand still and go back
+    with VideoWriter(tmp_path / "v.mp4") as writer:
+        for i, time_s in enumerate(times_s):
+            writer.write(clips.picture(i, (160, 96)), time_s=time_s)
+    with read_frames(tmp_path / "v.mp4") as frames:
+        read = list(frames)
+    assert [clips.frame_number(f.frame_bgr) for f in read] == list(range(8))
+    assert [f.time_s for f in read[:6]] == pytest.approx(times_s[:6], abs=2e-5)
+    assert read[5].time_s < read[6].time_s < read[7].time_s < 1.04
+
+
+@pytest.mark.parametrize("pixel_format", ["yuv420p", "nv12"])
+def test_planes_go_through_unchanged(tmp_path, plain, pixel_format):
+    with read_frames(plain, pixel_format=pixel_format) as frames:
+        planes = [f.frame_bgr for f in frames]
+    with VideoWriter(tmp_path / "out.mp4", pixel_format=pixel_format, crf=0) as writer:  # crf 0 is lossless
+        for frame in planes:
+            writer.write(frame)
+    with read_frames(tmp_path / "out.mp4", pixel_format=pixel_format) as frames:
+        for frame, expected in zip(frames, planes, strict=True):
+            np.testing.assert_array_equal(frame.frame_bgr, expected)
+
+
+@pytest.mark.parametrize("name, codec", [("a.mp4", "aac"), ("p.avi", "pcm_s16le")])
+def test_the_sound_is_kept(tmp_path, name, codec):
+    source = clips.clip(tmp_path / name, audio_s=0.8, audio_codec=codec)
+    assert process_video(source, lambda f, i, t: f, output=tmp_path / "out.mp4").frames_out == 20
+    assert probe(tmp_path / "out.mp4").audio_codec == "aac"
+    process_video(source, lambda f, i, t: f, output=tmp_path / "out.mp4", audio=False)
+    assert not probe(tmp_path / "out.mp4").has_audio
+
+
+def test_output_names_that_cannot_be(tmp_path, plain):
+    os.symlink(plain, tmp_path / "link.mp4")
+    before = plain.read_bytes()
+    for path, word in [(tmp_path / "no" / "a.mp4", "folder"), (tmp_path / "a.txt", ".mp4"), (plain, "same"),
+                       (tmp_path / "link.mp4", "same")]:
+        with pytest.raises(LanelibError) as error:
+            process_video(plain, lambda f, i, t: f, output=path)
+        one_line(error, word)
+    assert plain.read_bytes() == before
+
+
+@pytest.mark.skipif(hasattr(os, "geteuid") and os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_without_permission(tmp_path, plain):
+    (tmp_path / "locked").mkdir(mode=0o500)
+    with pytest.raises(LanelibError) as error:
+        process_video(plain, lambda f, i, t: f, output=tmp_path / "locked" / "a.mp4")
+    one_line(error, "permission")
+
+
+def test_bad_frames_are_refused_and_nothing_stays(tmp_path):
+    for first, second in [(clips.picture(0, (64, 48)), clips.picture(0, (48, 64))), (np.zeros((4, 4)), None),
+                          (np.zeros((4, 4, 4), np.uint8), None), (np.zeros((4, 4, 3)), None)]:
+        with pytest.raises(LanelibError) as error, VideoWriter(tmp_path / "a.mp4") as writer:
+            writer.write(first)
+            writer.write(second)
+        one_line(error, "shape")
+    with pytest.raises(LanelibError, match="at least one frame"), VideoWriter(tmp_path / "a.mp4"):
+        pass
+    for options in ({"preset": "warp"}, {"fps": 0}, {"pixel_format": "rgb"}):
+        with pytest.raises(LanelibError) as error, VideoWriter(tmp_path / "a.mp4", **options) as writer:
+            writer.write(clips.picture(0, (64, 48)))
+        one_line(error)
+    assert os.listdir(tmp_path) == []
+
+
+def test_an_old_output_survives_a_failed_run(tmp_path):
+    path = tmp_path / "a.mp4"
+    path.write_bytes(b"yesterday's")
+    with pytest.raises(KeyError), VideoWriter(path) as writer:
+        writer.write(clips.picture(0, (64, 48)))
+        raise KeyError
+    assert path.read_bytes() == b"yesterday's" and os.listdir(tmp_path) == ["a.mp4"]
+
+
+def run_python(code: str, *arguments: object) -> subprocess.Popen:
+    return subprocess.Popen([sys.executable, "-W", "error", "-c", textwrap.dedent(code), *map(str, arguments)],
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                            env={**os.environ, "PYTHONPATH": str(ROOT)})
+
+
+def test_disk_full_says_why(tmp_path):
+    """A limit on the size of written files stands for a full disk: it needs no other file system."""
+    process = run_python("""
+        import resource, signal, sys
+        import numpy as np
+        from lanelib.errors import LanelibError
+        from lanelib import video_writer
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        video_writer.POPEN_OPTIONS["restore_signals"] = False  # ffmpeg gets an error, not the signal
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+        rng = np.random.default_rng(0)
+        try:
+            with video_writer.VideoWriter(sys.argv[1]) as writer:
+                for _ in range(60):
+                    writer.write(rng.integers(0, 256, (240, 320, 3), np.uint8))
+        except LanelibError as error:
+            print(error)
+    """, tmp_path / "big.mp4")
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    assert out.count("\n") == 1 and "File too large" in out and "big.mp4" in out
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_killed_in_the_middle_nothing_has_the_final_name(tmp_path, sent):
+    source = clips.clip(tmp_path / "in.mp4", n_frames=50)
+    process = run_python("""
+        import sys, time
+        from lanelib.pipeline import process_video
+        def slow(frame, index, time_s):
+            print(index, flush=True)
+            time.sleep(0.1)
+            return frame
+        process_video(sys.argv[1], slow, output=sys.argv[2])
+    """, source, tmp_path / "out.mp4")
+    for line in process.stdout:
+        if int(line) == 5:
+            break
+    children = psutil.Process(process.pid).children(recursive=True)
+    assert any("ffmpeg" in child.name() for child in children)
+    process.send_signal(sent)
+    err = process.communicate(timeout=30)[1]
+    _, alive = psutil.wait_procs(children, timeout=10)
+    assert not alive
+    assert not (tmp_path / "out.mp4").exists()
+    if sent == signal.SIGINT:  # Python could clean up
+        assert err.count("KeyboardInterrupt") == 1
+        assert sorted(os.listdir(tmp_path)) == ["in.mp4"]
+
+
+# --- decode, process, encode ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("jobs", [1, 3])
+def test_order_count_and_times_whatever_the_jobs(tmp_path, jobs):
+    times_ms = [0, 40, 50, 200, 1000, 1033, 1100, 1200, 1300, 1400, 1500, 1600]
+    source = clips.variable_rate(tmp_path / "in.mkv", times_ms)
+    calls, progress = [], []
+
+    def inverted(frame, index, time_s):
+        time.sleep(0.01 * (index % 3))  # later frames may be ready first
+        calls.append((index, time_s))
+        return 255 - frame
+
+    summary = process_video(source, inverted, output=tmp_path / "out.mp4", jobs=jobs,
+                            on_progress=lambda done, expected: progress.append((done, expected)))
+    assert summary.frames_in == summary.frames_out == 12 and not summary.damage
+    assert [t for _, t in sorted(calls)] == pytest.approx([t / 1000 for t in times_ms])
+    assert [done for done, _ in progress] == list(range(1, 13))
+    with read_frames(tmp_path / "out.mp4") as frames:
+        read = list(frames)
+    assert [255 - clips.frame_number(f.frame_bgr) for f in read] == list(range(12))
+    assert [f.time_s for f in read] == pytest.approx([t / 1000 for t in times_ms], abs=2e-3)
+    assert "12 frames" in str(summary) and "out.mp4" in str(summary)
+
+
+def test_a_section_starts_at_zero_and_keeps_its_part_of_the_sound(tmp_path):
+    source = clips.clip(tmp_path / "in.mp4", n_frames=50, audio_s=2.0)
+    summary = process_video(source, lambda f, i, t: f, output=tmp_path / "out.mp4", start_s=0.4, end_s=1.2)
+    assert summary.frames_out == 20
+    assert numbers(tmp_path / "out.mp4") == list(range(10, 30))
+    info = probe(tmp_path / "out.mp4")
+    assert info.has_audio and info.duration_s == pytest.approx(0.8, abs=0.06)
+
+
+def test_frames_for_which_nothing_is_returned_are_left_out(tmp_path, plain):
+    summary = process_video(plain, lambda f, i, t: f if i % 2 else None, output=tmp_path / "out.mp4")
+    assert (summary.frames_in, summary.frames_out) == (20, 10)
+    assert numbers(tmp_path / "out.mp4") == list(range(1, 20, 2))
+
+
+def test_without_output_nothing_is_written(tmp_path, plain):
+    seen = []
+    summary = process_video(plain, lambda f, i, t: seen.append(i), pixel_format="yuv420p")
+    assert seen == list(range(20)) and summary.output is None and summary.frames_out == 0
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("at", [0, 7, 19])
+def test_an_exception_in_the_function_is_raised_once(tmp_path, plain, jobs, at):
+    def fails(frame, index, time_s):
+        if index == at:
+            raise ZeroDivisionError("mine")
+        return frame
+
+    with pytest.raises(ZeroDivisionError, match="mine"):
+        process_video(plain, fails, output=tmp_path / "out.mp4", jobs=jobs)
+    assert os.listdir(tmp_path) == []
+
+
+def test_an_exception_in_the_encoder_is_raised_once(tmp_path, plain):
+    for function in (lambda f, i, t: f[:, : 160 - 2 * i], lambda f, i, t: "text", lambda f, i, t: f.astype(float)):
+        with pytest.raises((LanelibError, AttributeError)):
+            process_video(plain, function, output=tmp_path / "out.mp4")
+    assert os.listdir(tmp_path) == []
+
+
+def test_the_damage_of_the_source_is_in_the_summary(tmp_path):
+    source = clips.truncated(tmp_path / "cut.mp4", keep=0.45)
+    summary = process_video(source, lambda f, i, t: f, output=tmp_path / "out.mp4")
+    assert summary.damage.truncated and "cut off" in str(summary)
+    assert probe(tmp_path / "out.mp4", exact=True).n_frames == summary.frames_out < 38
+
+
+def test_memory_does_not_grow_with_a_slow_function(tmp_path):
+    """Back-pressure: a slow function holds the decoder back, so only a few frames exist at a time."""
+    source = clips.clip(tmp_path / "in.mp4", n_frames=120, size_wh=(640, 480))
+    alive, most = 0, 0
+    real_empty = np.empty
+
+    def counted(shape, dtype):
+        nonlocal alive, most
+        array = real_empty(shape, dtype)
+        alive += 1
+        most = max(most, alive)
+        return array
+
+    def slow(frame, index, time_s):
+        nonlocal alive
+        time.sleep(0.002)
+        alive -= 1
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("lanelib.video.np.empty", counted)
+        process_video(source, slow)
+    assert most <= 7
+
+
+def test_two_thousand_frames_no_drift_and_constant_memory(tmp_path):
+    source = clips.clip(tmp_path / "short.mp4", n_frames=50, size_wh=(96, 64), fps=30000 / 1001)
+    long = tmp_path / "long.mp4"
+    clips.ffmpeg("-stream_loop", 39, "-i", source, "-c", "copy", long)
+    peaks = []
+
+    def watch(frame, index, time_s):
+        assert abs(time_s - index * 1001 / 30000) < 0.002
+        if index in (300, 1999):
+            peaks.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+        return frame
+
+    summary = process_video(long, watch, output=tmp_path / "out.mp4", preset="ultrafast")
+    assert summary.frames_out == 2000 == probe(tmp_path / "out.mp4", exact=True).n_frames
+    assert peaks[1] - peaks[0] < 5_000  # kB; 1700 frames would be 31 MB
+
+
+def test_progress_bar_is_silent_where_nobody_looks(capfd, monkeypatch):
+    with ProgressBar("clip", quiet=False) as bar:
+        bar(1, 10)
+    assert capfd.readouterr().err == ""
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    with ProgressBar("clip", quiet=True) as bar:
+        bar(1, 10)
+    assert capfd.readouterr().err == ""
+    with ProgressBar("clip", quiet=False) as bar:
+        for done in range(1, 13):
+            bar(done, 10)
+    assert "clip" in capfd.readouterr().err
+
+
+# --- the framing ---------------------------------------------------------------------------------------------------
+
+
+def test_matroska_header_is_what_ffmpeg_reads(tmp_path):
+    """A file written by hand, described and decoded by ffmpeg."""
+    size_wh = (62, 34)
+    frames = [clips.picture(i, size_wh) for i in range(3)]
+    data = matroska.file_header(size_wh, "bgr24", Fraction(10))
+    for time_us, frame in zip((0, 100_000, 70_000_000_000), frames, strict=True):
+        data += matroska.frame_header(time_us, frame.nbytes) + frame.tobytes()
+    (tmp_path / "raw.mkv").write_bytes(data)
+    with read_frames(tmp_path / "raw.mkv") as read:
+        for frame, expected, time_s in zip(read, frames, (0, 0.1, 70_000), strict=True):
+            np.testing.assert_array_equal(frame.frame_bgr, expected)
+            assert frame.time_s == pytest.approx(time_s)
+    assert read.info.fps == 10
