@@ -68,7 +68,7 @@ types: install-test  ## mypy
 
 # Its own environment, beside the usual one.
 test-oldest:  ## the tests with the oldest supported versions (Python 3.11)
-	$(MAKE) --no-print-directory VENV=.venv-oldest PIP_CONSTRAINT=$(CURDIR)/constraints-oldest.txt test-pytest
+	$(MAKE) --no-print-directory VENV=.cache/oldest PIP_CONSTRAINT=$(CURDIR)/constraints-oldest.txt test-pytest
 
 .PHONY: test-pytest
 test-pytest: install-test
@@ -80,7 +80,9 @@ bench: install-test  ## measure the speed of every stage (not a test)
 
 # Rendering needs its own large packages, so it has its own environment.
 render:  ## render again the shipped pictures whose scene changed (for developers; hours)
-	$(MAKE) --no-print-directory -C render render
+	$(PYTHON) -m venv .cache/render
+	.cache/render/bin/python -m pip install --quiet --disable-pip-version-check -r render/requirements.txt
+	.cache/render/bin/python -m render
 
 clean:  ## remove what was made: outputs of the fetched sets, caches (keeps .venv and fetched data)
 	rm -rf output_images/udacity output_videos/udacity output_images/finding_lanes output_videos/finding_lanes
@@ -89,7 +91,7 @@ clean:  ## remove what was made: outputs of the fetched sets, caches (keeps .ven
 	find camera_cal test_images test_videos output_images output_videos -name '*.part' -delete
 
 distclean: clean  ## also remove the virtual environments and the fetched data
-	rm -rf $(VENV) .venv-oldest .cache camera_cal/udacity
+	rm -rf $(VENV) .cache camera_cal/udacity
 	rm -rf test_images/udacity test_images/finding_lanes test_videos/udacity test_videos/finding_lanes
 
 help:  ## this list

@@ -26,7 +26,7 @@ from lanelib.birdseye import BirdsEye, angles_from_vanishing_point
 from lanelib.camera import Camera
 from lanelib.errors import LanelibError
 from lanelib.finder import SCAN_COLUMN_M, LaneFinder, LaneResult, Rig, as_bgr
-from lanelib.jointfit import BEND, HEADING, PITCH, UNKNOWN_ROAD, WIDTH, distance, line_x
+from lanelib.jointfit import BEND, HEADING, PITCH, UNKNOWN_ROAD, WIDTH, distance, line_x, supported_rows
 from lanelib.paint import PAINT_WIDTH_M, paint_channels, paint_evidence, ridge_response, weight_of
 
 LANE_WIDTH_M = 3.7  # 12 ft, US motorways (AASHTO Green Book)
@@ -198,13 +198,28 @@ def vanishing_point(rig: Rig) -> tuple[float, float]:
 
 
 def look(rig: Rig, frames: list[np.ndarray]) -> list[LaneResult]:
-    """What a finder with this rig says of each frame on its own; only lanes with paint on both lines (one line has no width)."""
+    """The lanes that a finder with this rig sees, each frame on its own."""
     try:
         finder = LaneFinder(rig, track=False)
-        results = [finder.process(frame) for frame in frames]
+        return [r for r in map(finder.process, frames) if r]
     except LanelibError:  # a rig that sees no road
         return []
-    return [r for r in results if r and r.fit.support.sum(axis=1).min() > BOTH_LINES_ROWS]
+
+
+def both_lines(results: list[LaneResult]) -> list[LaneResult]:
+    """Those with paint on both lines: one line and an assumed width do not show the height."""
+    return [r for r in results if r.fit.support.sum(axis=1).min() > BOTH_LINES_ROWS]
+
+
+def empty_inside(finder: LaneFinder, frame_bgr: np.ndarray, result: LaneResult) -> float:
+    """1 for a lane without a third line between its two, 0.4 for one with: then it is two lanes, and the rig half as high as true."""
+    points, mean = finder.points(frame_bgr, finder.view(result.size_wh)), result.fit.mean
+    inside = np.zeros(7)
+    inside[WIDTH] = 1
+    supports = [supported_rows(points, mean + inside * (2 * x - mean[WIDTH]))[0].sum(axis=1).max()
+                for x in np.arange(0, 0.3 * mean[WIDTH], 0.1)]
+    weaker = max(result.fit.support.sum(axis=1).min(), 1.0)
+    return 1 - 0.6 * float(np.clip(max(supports) / weaker - 0.25, 0, 1))
 
 
 def corrected(rig: Rig, results: list[LaneResult]) -> Rig:
@@ -222,9 +237,14 @@ def tried(rig: Rig, frames: list[np.ndarray]) -> tuple[float, Rig]:
     results = look(rig, frames)
     if not results:
         return 0.0, rig
-    rig = corrected(rig, results)
-    paint = sum(math.sqrt(r.fit.energy) * r.confidence for r in look(rig, frames)) / 10  # a good frame has an energy of 100
-    return paint / len(frames) * math.sqrt(height_prior(rig.mounting["height_m"])), rig
+    rig = corrected(rig, both_lines(results) or results)
+    value, finder = 0.0, LaneFinder(rig, track=False)
+    for frame in frames:
+        result = finder.process(frame)
+        if result:  # an easy frame has an energy of 100; the root, so that no frame decides alone
+            weaker = float(result.fit.support.sum(axis=1).min())
+            value += math.sqrt(result.fit.energy) / 10 * result.confidence * min(1, weaker / BOTH_LINES_ROWS) * empty_inside(finder, frame, result)
+    return value / len(frames) * math.sqrt(height_prior(rig.mounting["height_m"])), rig
 
 
 def search(frames: list[np.ndarray], camera: Camera, name: str) -> tuple[float, Rig | None]:
@@ -256,11 +276,11 @@ def straight_of(results: list[LaneResult]) -> list[LaneResult]:
 def refined(rig: Rig, frames: list[np.ndarray], *, rounds: int = 4) -> tuple[Rig, list[LaneResult]]:
     """The rig corrected on straight frames ``rounds`` times (each leaves a few hundredths of the error), and what it then sees."""
     for _ in range(rounds):
-        used = straight_of(look(rig, frames))
+        used = straight_of(both_lines(look(rig, frames)))
         if not used:
             break
         rig = corrected(rig, used)
-    used = straight_of(look(rig, frames))
+    used = straight_of(both_lines(look(rig, frames)))
     if not used:
         raise LanelibError("a rig needs straight road, found only curves; give frames of a straight stretch")
     return rig, used

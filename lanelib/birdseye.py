@@ -65,7 +65,12 @@ class Grid:
         for name, sign in (("x_m", 1), ("y_m", -1)):
             values = np.asarray(getattr(self, name), float)
             object.__setattr__(self, name, values)
-            if values.ndim != 1 or len(values) < 2 or not np.all(np.isfinite(values)) or np.any(sign * np.diff(values) <= 0):
+            if (
+                values.ndim != 1
+                or len(values) < 2
+                or not np.all(np.isfinite(values))
+                or np.any(sign * np.diff(values) <= 0)
+            ):
                 order = "ascending" if sign > 0 else "descending"
                 raise LanelibError(f"a grid's {name} must be at least two finite {order} metres, found {values!r:.60}")
 
@@ -78,6 +83,7 @@ class Grid:
 
     @property
     def size_wh(self) -> tuple[int, int]:
+        """Columns and rows."""
         return len(self.x_m), len(self.y_m)
 
     @property
@@ -92,6 +98,7 @@ class Grid:
 
     @property
     def is_uniform(self) -> bool:
+        """Whether all rows are equally far apart (columns always are)."""
         return bool(np.allclose(np.diff(self.y_m), -self.row_m, rtol=1e-6))
 
     @cached_property
@@ -115,7 +122,8 @@ class BirdsEye:
     """The road plane as one camera sees it.
 
     ``road_from_image``: (3, 3), undistorted pixels (u, v, 1) to road metres (x, y, 1), scaled so that the third
-    coordinate is positive below the horizon. ``size_wh`` is the size of the picture, ``grid`` what is shown of the road.
+    coordinate is positive below the horizon. ``size_wh`` is the size of the picture, ``grid`` what is shown of the
+    road.
     """
 
     road_from_image: np.ndarray
@@ -136,8 +144,11 @@ class BirdsEye:
 
     # ------------------------------------------------------------------ ways to make one
     @classmethod
-    def from_mounting(cls, camera: Camera, *, height_m, pitch_deg=0.0, yaw_deg=0.0, roll_deg=0.0, grid=None) -> BirdsEye:
-        """From the camera matrix and where the camera sits: ``height_m`` above a flat road, looking along three angles."""
+    def from_mounting(
+        cls, camera: Camera, *, height_m, pitch_deg=0.0, yaw_deg=0.0, roll_deg=0.0, grid=None
+    ) -> BirdsEye:
+        """From the camera matrix and where the camera sits: ``height_m`` above a flat road, looking along three
+        angles."""
         if not height_m > 0:
             raise LanelibError(f"a camera's height above the road must be positive metres, found {height_m}")
         rotation = rotation_from_angles(pitch_deg=pitch_deg, yaw_deg=yaw_deg, roll_deg=roll_deg)
@@ -150,7 +161,9 @@ class BirdsEye:
         """From four (or more) undistorted pixels (N, 2) and the metres (N, 2) on the road that they show."""
         image_px, road_m = (np.asarray(p, float).reshape(-1, 2) for p in (image_px, road_m))
         if len(image_px) < 4 or len(image_px) != len(road_m):
-            raise LanelibError(f"a homography needs at least 4 pairs of points, found {len(image_px)} and {len(road_m)}")
+            raise LanelibError(
+                f"a homography needs at least 4 pairs of points, found {len(image_px)} and {len(road_m)}"
+            )
         h, _ = cv2.findHomography(image_px, road_m)
         if h is None:
             raise LanelibError("these points give no homography: three of them lie on one line; choose others")
@@ -160,7 +173,8 @@ class BirdsEye:
     def classic(cls, size_wh, *, lane_width_m=3.7, length_m=30.0, near_m=4.0, grid=None) -> BirdsEye:
         """The trapezoid that everyone copies, with the metres that everyone assumes (30 m long, a lane 3.7 m wide).
 
-        Kept for comparison: notebook 03 measures how far its 30 m are from the truth. The camera's own position is not
+        Kept for comparison: notebook 03 measures how far its 30 m are from the truth. The camera's own position is
+        not
         known to it, so ``near_m`` says how far ahead of the camera its lower edge lies.
         """
         target_width = CLASSIC_TARGET[1, 0] - CLASSIC_TARGET[0, 0]  # the lane is half the bird's-eye picture
@@ -169,29 +183,40 @@ class BirdsEye:
         return cls.from_points(CLASSIC_SOURCE * size_wh, np.column_stack([x, y]), size_wh, grid)
 
     @classmethod
-    def from_straight_lines(cls, camera: Camera, left_px, right_px, *, lane_width_m=3.7, roll_deg=0.0, grid=None) -> BirdsEye:
+    def from_straight_lines(
+        cls, camera: Camera, left_px, right_px, *, lane_width_m=3.7, roll_deg=0.0, grid=None
+    ) -> BirdsEye:
         """From two straight lane lines: their meeting point gives pitch and yaw, the lane's width gives the height.
 
         ``left_px``, ``right_px``: two undistorted points (2, 2) on each line. The lane must be straight and the car
         parallel to it. With the vanishing point at direction d (camera axes), d is the road's y axis; the lane's
         width then fixes the only number left, the height of the camera.
         """
-        lines = [np.cross((*p[0], 1.0), (*p[1], 1.0)) for p in (np.asarray(left_px, float), np.asarray(right_px, float))]
+        lines = [
+            np.cross((*p[0], 1.0), (*p[1], 1.0)) for p in (np.asarray(left_px, float), np.asarray(right_px, float))
+        ]
         vanishing = np.cross(*lines)
         if abs(vanishing[2]) < 1e-9 * np.abs(vanishing).max():
-            raise LanelibError("the two lines do not meet in the picture's plane: they cannot be parallel lines of a road ahead")
+            raise LanelibError(
+                "the two lines do not meet in the picture's plane: they cannot be parallel lines of a road ahead"
+            )
         u, v = vanishing[:2] / vanishing[2]
         pitch_deg, yaw_deg = angles_from_vanishing_point(camera.camera_matrix, (u, v), roll_deg=roll_deg)
-        unit = cls.from_mounting(camera, height_m=1.0, pitch_deg=pitch_deg, yaw_deg=yaw_deg, roll_deg=roll_deg, grid=grid)
+        unit = cls.from_mounting(
+            camera, height_m=1.0, pitch_deg=pitch_deg, yaw_deg=yaw_deg, roll_deg=roll_deg, grid=grid
+        )
         x = [np.nanmean(map_points(unit.road_from_image, p)[:, 0]) for p in (left_px, right_px)]
         if not np.isfinite(x).all() or x[1] - x[0] <= 1e-6:
-            raise LanelibError("the left line must lie left of the right one and below their meeting point; were they exchanged?")
+            raise LanelibError(
+                "the left line must lie left of the right one and below their meeting point; were they exchanged?"
+            )
         scale = lane_width_m / (x[1] - x[0])  # a road plane is known up to scale: metres per camera height
         return replace(unit, road_from_image=np.diag([scale, scale, 1.0]) @ unit.road_from_image)
 
     # ------------------------------------------------------------------ geometry
     @cached_property
     def image_from_road(self) -> np.ndarray:
+        """The inverse homography (3, 3): road metres to undistorted pixels, third coordinate positive ahead."""
         h = np.linalg.inv(self.road_from_image)
         return h if h[2] @ (0, 20, 1) > 0 else -h
 
@@ -221,8 +246,12 @@ class BirdsEye:
         pitch, yaw = math.asin(np.clip(-forward[2], -1, 1)), math.atan2(forward[0], forward[1])
         level = rotation_from_angles(pitch_deg=math.degrees(pitch), yaw_deg=math.degrees(yaw))
         roll = math.atan2((rotation @ level.T)[0, 1], (rotation @ level.T)[0, 0])
-        return {"height_m": float(centre[2]), "pitch_deg": math.degrees(pitch), "yaw_deg": math.degrees(yaw),
-                "roll_deg": math.degrees(roll)}
+        return {
+            "height_m": float(centre[2]),
+            "pitch_deg": math.degrees(pitch),
+            "yaw_deg": math.degrees(yaw),
+            "roll_deg": math.degrees(roll),
+        }
 
     def pitched(self, camera: Camera, pitch_rad: float) -> BirdsEye:
         """The same mounting with the car's nose ``pitch_rad`` further down (positive) or up, about the camera."""
@@ -235,11 +264,13 @@ class BirdsEye:
     def scaled(self, size_wh) -> BirdsEye:
         """The same view of another resolution of the same picture."""
         sx, sy = size_wh[0] / self.size_wh[0], size_wh[1] / self.size_wh[1]
-        here = np.array([[1 / sx, 0, 0.5 / sx - 0.5], [0, 1 / sy, 0.5 / sy - 0.5], [0, 0, 1]])  # pixel centres at integers
+        # pixel centres at integers
+        here = np.array([[1 / sx, 0, 0.5 / sx - 0.5], [0, 1 / sy, 0.5 / sy - 0.5], [0, 0, 1]])
         return replace(self, road_from_image=self.road_from_image @ here, size_wh=tuple(size_wh))
 
     def parallelism(self, left_px, right_px) -> float:
-        """How much wider (m) the lane gets over 30 m, between two undistorted lines (N, 2): 0 for straight parallel lines."""
+        """How much wider (m) the lane gets over 30 m, between two undistorted lines (N, 2): 0 for straight
+        parallel lines."""
         slopes = []
         for points in (left_px, right_px):
             x, y = self.road_from_points(points).T

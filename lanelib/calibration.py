@@ -24,7 +24,7 @@ MIN_BOARDS = 3  # two views give Zhang's equations just enough; the third is the
 CROP_PX = 2  # 1281x721 beside 1280x720: a row or column too many, not another scale
 OUTLIER_FACTOR = 3.0  # times the median of the boards; the worst of 20 boards of a bent sheet has 1.5
 OUTLIER_FLOOR_PX = 0.3  # below this a board does no harm, however good the others are
-MAX_FOCAL_STD = 0.1  # of the focal length: boards all held alike leave it free
+MIN_TILT_DEG = 10.0  # boards all parallel leave the focal length free, and its standard deviation does not tell
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -139,13 +139,12 @@ def calibrate(
         reason = f"outlier: {views[worst].rms_px:.2f} px, the median board {median:.2f} px"
         views[worst] = replace(views[worst], used=False, reason=_join(views[worst].reason, reason))
 
-    camera = solution.camera
-    loose = max(camera.std["fx"] / camera.camera_matrix[0, 0], camera.std["fy"] / camera.camera_matrix[1, 1])
-    if not loose < MAX_FOCAL_STD:
+    if solution.tilt_deg < MIN_TILT_DEG:
         raise LanelibError(
-            f"calibrate: need boards tilted in different ways, found a focal length uncertain by {loose:.0%} "
-            f"from {len(used)} boards; take more pictures, each at another angle"
+            f"calibrate: need boards tilted by {MIN_TILT_DEG:g} degrees or more against each other, found at most "
+            f"{solution.tilt_deg:.0f} in {len(used)} pictures; take more, each at another angle"
         )
+    camera = solution.camera
     return Calibration(camera, tuple(views), camera.rms_px, flat, solution.board_m)
 
 
@@ -162,6 +161,7 @@ class _Solution:
     camera: Camera
     per_board_px: np.ndarray
     board_m: np.ndarray
+    tilt_deg: float
 
 
 def _solve(views, board_wh, square_m, size_wh, *, flat: bool) -> _Solution:
@@ -187,7 +187,9 @@ def _solve(views, board_wh, square_m, size_wh, *, flat: bool) -> _Solution:
     if not np.isfinite([rms_px, *std.values(), *matrix.ravel(), *np.ravel(distortion)]).all():
         raise LanelibError("calibrate: need boards that agree on one camera, found no finite solution; retake them")
     camera = Camera(matrix, np.ravel(distortion)[:5], size_wh, float(rms_px), std)
-    return _Solution(camera, np.ravel(per_board), board_m)
+    normals = np.array([cv2.Rodrigues(np.asarray(rvec))[0][:, 2] for rvec in out[3]])
+    tilt_deg = float(np.degrees(np.arccos(np.clip(normals @ normals.T, -1, 1).min())))
+    return _Solution(camera, np.ravel(per_board), board_m, tilt_deg)
 
 
 def _images(pictures):

@@ -14,10 +14,11 @@ from lanelib.errors import LanelibError
 
 SEED_SIDE = 4  # corners; a part below 4x4 is not looked for: a dozen corners hardly constrain a pose and a lens
 SMALL_LONG_SIDE = 640  # px; at half of 1280x720 the search takes a quarter of the time and finds 17 of 20 whole boards
-UNEVEN = 0.5  # of the black-white step, within a square: a skipped row makes 1, glare on printed ink up to 0.3
+UNEVEN = 0.3  # of the black-white step, deviation within a square: a skipped row makes 0.5, glare on printed ink 0.15
 FAINT = (
     0.25  # of the black-white step, beside a corner: glare leaves half, a blur of 0.3 squares 0.25, a wrong grid none
 )
+EDGE_PX = 12  # the detector's corners are 0.5-0.7 px off within 9 px of the picture's edge, 0.1 px from there on
 SAME_CORNER = 0.25  # of a square: corners found twice must agree better than this
 
 
@@ -156,13 +157,20 @@ def _measure(grey: np.ndarray, grid: np.ndarray) -> np.ndarray:
     measured = _detect(window, (w, h), 1.0, larger=False)
     if measured is not None:
         measured += low
-        for turned in (measured, measured[::-1, ::-1], measured[::-1], measured[:, ::-1]):
-            if np.hypot(*(turned - grid).T).max() < SAME_CORNER * side.min():
-                return turned
-    reach = int(np.clip(side.min() / 3, 2, 7))  # the window must not touch the next corner
-    start = grid.reshape(-1, 1, 2).astype(np.float32)
-    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-3)
-    return cv2.cornerSubPix(grey, start, (reach, reach), (-1, -1), stop).reshape(h, w, 2).astype(np.float64)
+        turned = (measured, measured[::-1, ::-1], measured[::-1], measured[:, ::-1])
+        measured = min(turned, key=lambda other: np.abs(other - grid).max())
+        if np.abs(measured - grid).max() > SAME_CORNER * side.min():
+            measured = None
+    alone = (grid if measured is None else measured).copy()
+    # Near the edge of the picture the detector gives whole pixels.
+    to_edge = np.minimum(alone, np.array(grey.shape[::-1]) - 1 - alone).min(axis=2)
+    redo = (to_edge < EDGE_PX) | (measured is None)
+    if redo.any():
+        reach = int(np.clip(side.min() / 3, 2, 7))  # the window must not touch the next corner
+        stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-3)
+        start = alone[redo].astype(np.float32).reshape(-1, 1, 2)
+        alone[redo] = cv2.cornerSubPix(grey, start, (reach, reach), (-1, -1), stop).reshape(-1, 2)
+    return alone
 
 
 def _square_px(grid: np.ndarray) -> np.ndarray:
@@ -198,28 +206,29 @@ def _step(colours: np.ndarray) -> float:
 
 
 def _crossings(grey: np.ndarray, grid: np.ndarray, step: float) -> np.ndarray:
-    """Which corners (h, w) have four squares around them in view, in the colours that the grid wants there."""
+    """Which corners (h, w) are in view with the colours around them that the grid wants there."""
     along, down = np.gradient(grid, axis=1), np.gradient(grid, axis=0)
     offsets = [0.2 * (i * along + j * down) for i, j in ((1, 1), (-1, -1), (1, -1), (-1, 1))]
     a, b, c, d = np.moveaxis(_brightness(grey, np.stack([grid + offset for offset in offsets], axis=2)), 2, 0)
     rows, columns = np.indices(grid.shape[:2])
     first_is_dark = ((rows + columns) % 2 == 0) == (step > 0)  # a, b: the squares ahead of and behind the corner
-    least = np.where(first_is_dark, np.minimum(c, d) - np.maximum(a, b), np.minimum(a, b) - np.maximum(c, d))
-    return least > FAINT * abs(step)  # False for NaN
+    dark_ahead = np.fmin(c, d) - np.fmax(a, b)  # fmin, fmax: a place outside the picture does not count
+    light_ahead = np.fmin(a, b) - np.fmax(c, d)
+    wrong = np.where(first_is_dark, dark_ahead, light_ahead) <= FAINT * abs(step)
+    return ~wrong & np.isfinite(_brightness(grey, grid))
 
 
 def _chessboard_part(grey: np.ndarray, grid: np.ndarray) -> np.ndarray | None:
     """The grid without outer rows and columns that are no crossings of squares; None if the rest is no chessboard.
 
-    Outer lines are the rim of the board, where black meets white on one side only, or too near the picture's edge.
+    Such outer lines are the rim of the board, where black meets white on one side only.
     """
     while min(grid.shape[:2]) >= 3:
         colours = _colours(grey, grid)
         step = _step(colours)
         crossings = _crossings(grey, grid, step)
         if crossings.all():
-            across, down = (np.ptp(colours.mean(axis=axis), axis=2).max() for axis in (2, 3))
-            return grid if max(across, down) < UNEVEN * abs(step) else None
+            return grid if colours.std(axis=(2, 3)).max() < UNEVEN * abs(step) else None
         missing = [np.mean(~line) for line in (crossings[0], crossings[-1], crossings[:, 0], crossings[:, -1])]
         if not max(missing):
             return None

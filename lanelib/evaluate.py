@@ -125,8 +125,10 @@ class Evaluation:
 
     def to_dict(self) -> dict:
         """Plain numbers for JSON; null where a number is not known."""
-        tags = {tag: vars(pixel_score(frames)) | (vars(metric_score(frames)) if self.metric else {})
-                for tag, frames in self.by_tag().items()}
+        tags = {
+            tag: vars(pixel_score(frames)) | (vars(metric_score(frames)) if self.metric else {})
+            for tag, frames in self.by_tag().items()
+        }
         return _without_nan({"tags": tags, "clips": [vars(clip) for clip in self.clips()]})
 
     def __str__(self) -> str:
@@ -137,8 +139,20 @@ class Evaluation:
         text = table(rows)
         if clips := self.clips():
             head = ["clip", "frames", "jitter cm", "lag s", "reset s", "wrong for s"]
-            text += "\n\n" + table([head] + [[c.clip, str(c.frames), _cm(c.jitter_m), _fixed(c.lag_s, 2),
-                                              _fixed(c.reset_s, 2), _fixed(c.wrong_s, 2)] for c in clips])
+            text += "\n\n" + table(
+                [head]
+                + [
+                    [
+                        c.clip,
+                        str(c.frames),
+                        _cm(c.jitter_m),
+                        _fixed(c.lag_s, 2),
+                        _fixed(c.reset_s, 2),
+                        _fixed(c.wrong_s, 2),
+                    ]
+                    for c in clips
+                ]
+            )
         return text
 
 
@@ -182,7 +196,11 @@ def read_labels(path: str | Path) -> tuple[dict[str, dict], Camera | None]:
 def _check_row(row: dict) -> None:
     if not isinstance(row, dict):
         raise ValueError("found no object")
-    if not isinstance(row["raw_file"], str) or not isinstance(row["h_samples"], list) or not isinstance(row["lanes"], list):
+    if (
+        not isinstance(row["raw_file"], str)
+        or not isinstance(row["h_samples"], list)
+        or not isinstance(row["lanes"], list)
+    ):
         raise ValueError("found raw_file that is no text, or h_samples or lanes that are no lists")
     length = len(_finite(row["h_samples"]))
     extra = row["extrap"] if "extrap" in row else []
@@ -220,11 +238,14 @@ def score(labels: Mapping[str, dict], predictions: Mapping[str, dict], camera: C
     by_name: dict[str, dict | None] = {}
     for name, row in predictions.items():
         by_name[Path(name).name] = None if Path(name).name in by_name else row
-    frames = tuple(frame_score(row, predictions.get(name) or by_name.get(Path(name).name), camera)
-                   for name, row in labels.items())
+    frames = tuple(
+        frame_score(row, predictions.get(name) or by_name.get(Path(name).name), camera) for name, row in labels.items()
+    )
     if not any(name in predictions or by_name.get(Path(name).name) for name in labels):
-        raise LanelibError(f"evaluate: needed predictions for the labelled frames (such as {next(iter(labels), '')!r}), "
-                           f"found others (such as {next(iter(predictions), '')!r}); are these the same pictures?")
+        raise LanelibError(
+            f"evaluate: needed predictions for the labelled frames (such as {next(iter(labels), '')!r}), "
+            f"found others (such as {next(iter(predictions), '')!r}); are these the same pictures?"
+        )
     return Evaluation(frames, pixel_score(frames), camera is not None)
 
 
@@ -234,9 +255,15 @@ def frame_score(label: Mapping, prediction: Mapping | None, camera: Camera | Non
     errors = tuple(e for lane in (0, 1) if len(e := _line_errors_px(label, prediction, lane, width)))
     claimed = prediction is not None and any(len(_line(prediction, lane)[0]) >= 2 for lane in (0, 1))
     clip, _, frame = label["raw_file"].rpartition(":")
-    about = {"name": label["raw_file"], "tags": tuple(label.get("tags", ())), "has_lane": bool(label["lanes"]),
-             "claimed": claimed, "errors_px": errors, "time_s": label.get("time_s", NAN),
-             "clip": clip if clip and frame.isdigit() else ""}
+    about = {
+        "name": label["raw_file"],
+        "tags": tuple(label.get("tags", ())),
+        "has_lane": bool(label["lanes"]),
+        "claimed": claimed,
+        "errors_px": errors,
+        "time_s": label.get("time_s", NAN),
+        "clip": clip if clip and frame.isdigit() else "",
+    }
     if camera is None or not label["lanes"] or "lanes_road_m" not in label:
         return FrameScore(**about)
     return FrameScore(**about, **_metric_errors(label, prediction if claimed else None, camera))
@@ -324,8 +351,12 @@ def _pose_of(prediction: Mapping, road_from, *, far_m: float = 30.0) -> dict:
         rows.append((design / y[:, None])[good])
         values.append((x / y)[good])
     left, right, slope, a = np.linalg.lstsq(np.vstack(rows), np.concatenate(values), rcond=None)[0]
-    return {"offset_m": -(left + right) / 2, "lane_width_m": (right - left) / math.hypot(1, slope),
-            "curvature_1pm": -2 * a / (1 + slope**2) ** 1.5, "heading_rad": math.atan(slope)}
+    return {
+        "offset_m": -(left + right) / 2,
+        "lane_width_m": (right - left) / math.hypot(1, slope),
+        "curvature_1pm": -2 * a / (1 + slope**2) ** 1.5,
+        "heading_rad": math.atan(slope),
+    }
 
 
 def pixel_score(frames: Iterable[FrameScore]) -> PixelScore:
@@ -337,9 +368,15 @@ def pixel_score(frames: Iterable[FrameScore]) -> PixelScore:
     errors = np.concatenate(lines)
     seen = np.isfinite(errors)
     return PixelScore(
-        len(labelled), len(errors), float(np.mean(errors < LOOSE_PX)), float(np.mean(errors < STRICT_PX)),
-        float(np.mean([np.mean(line < LOOSE_PX) >= LINE_SHARE for line in lines])), float(seen.mean()),
-        float(errors[seen].mean()) if seen.any() else NAN, float(np.percentile(errors[seen], 95)) if seen.any() else NAN)
+        len(labelled),
+        len(errors),
+        float(np.mean(errors < LOOSE_PX)),
+        float(np.mean(errors < STRICT_PX)),
+        float(np.mean([np.mean(line < LOOSE_PX) >= LINE_SHARE for line in lines])),
+        float(seen.mean()),
+        float(errors[seen].mean()) if seen.any() else NAN,
+        float(np.percentile(errors[seen], 95)) if seen.any() else NAN,
+    )
 
 
 def metric_score(frames: Iterable[FrameScore]) -> MetricScore:
@@ -350,10 +387,17 @@ def metric_score(frames: Iterable[FrameScore]) -> MetricScore:
     straights = [f for f in lanes if abs(f.bend_1pm) <= BEND_1PM]
     lateral = tuple(_median(f.lateral_m[:, i] for f in lanes) for i in range(len(DISTANCES_M)))
     return MetricScore(
-        len(frames), float(np.mean([f.claimed for f in lanes])) if lanes else NAN, len(empty), sum(f.claimed for f in empty),
-        lateral, _median(f.offset_m for f in lanes), _median(f.width_m for f in lanes),
-        _median(f.heading_rad for f in lanes), _median(f.curvature_1pm / f.bend_1pm for f in bends),
-        _median(f.curvature_1pm for f in straights))
+        len(frames),
+        float(np.mean([f.claimed for f in lanes])) if lanes else NAN,
+        len(empty),
+        sum(f.claimed for f in empty),
+        lateral,
+        _median(f.offset_m for f in lanes),
+        _median(f.width_m for f in lanes),
+        _median(f.heading_rad for f in lanes),
+        _median(f.curvature_1pm / f.bend_1pm for f in bends),
+        _median(f.curvature_1pm for f in straights),
+    )
 
 
 def _median(values) -> float:
@@ -378,13 +422,18 @@ def clip_score(frames: Iterable[FrameScore]) -> ClipScore:
     far = DISTANCES_M.index(20.0)
     truth = np.array([f.centre_m[far] for f in frames])
     return ClipScore(
-        frames[0].clip, len(frames), float(np.sqrt(np.mean(steps**2))) if len(steps) else NAN,
-        lag_s(time_s, truth, truth + centre[:, far]), _reset_s(frames, time_s),
-        _longest_s([f.wrong for f in frames], time_s))
+        frames[0].clip,
+        len(frames),
+        float(np.sqrt(np.mean(steps**2))) if len(steps) else NAN,
+        lag_s(time_s, truth, truth + centre[:, far]),
+        _reset_s(frames, time_s),
+        _longest_s([f.wrong for f in frames], time_s),
+    )
 
 
-def lag_s(time_s: np.ndarray, truth: np.ndarray, found: np.ndarray, *, longest_s: float = 1.0,
-          moving: float = 0.05) -> float:
+def lag_s(
+    time_s: np.ndarray, truth: np.ndarray, found: np.ndarray, *, longest_s: float = 1.0, moving: float = 0.05
+) -> float:
     """The delay (s) by which `found` (N,) follows `truth` (N,): where found(t) - truth(t - delay) varies least.
 
     Delays of -0.2 .. `longest_s` in steps of 10 ms are tried. NaN for fewer than 25 common samples, and where the truth
@@ -431,8 +480,12 @@ def _longest_s(flags: list[bool], time_s: np.ndarray) -> float:
 def table(rows: list[list[str]]) -> str:
     """Rows of texts as a Markdown table: the first row is its head, the first column to the left, the others right."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    lines = ["| " + " | ".join(t.rjust(w) if i else t.ljust(w) for i, (t, w) in enumerate(zip(row, widths, strict=True))) + " |"
-             for row in rows]
+    lines = [
+        "| "
+        + " | ".join(t.rjust(w) if i else t.ljust(w) for i, (t, w) in enumerate(zip(row, widths, strict=True)))
+        + " |"
+        for row in rows
+    ]
     rule = "|" + "|".join("-" * (w + 1) + (":" if i else "-") for i, w in enumerate(widths)) + "|"
     return "\n".join([lines[0], rule, *lines[1:]])
 
@@ -447,14 +500,30 @@ def _pixel_row(tag: str, s: PixelScore, frames) -> list[str]:
 
 
 def _metric_head() -> list[str]:
-    return ["found", "false", *(f"cm at {d:.0f} m" for d in DISTANCES_M), "offset cm", "width cm", "heading mrad",
-            "bend %", "straight 1/km"]
+    return [
+        "found",
+        "false",
+        *(f"cm at {d:.0f} m" for d in DISTANCES_M),
+        "offset cm",
+        "width cm",
+        "heading mrad",
+        "bend %",
+        "straight 1/km",
+    ]
 
 
 def _metric_row(frames) -> list[str]:
     s = metric_score(frames)
-    return [_fixed(s.found, 3), f"{s.false_lanes}/{s.empty}", *(_cm(v) for v in s.lateral_m), _cm(s.offset_m), _cm(s.width_m),
-            _fixed(s.heading_rad * 1e3, 1), _fixed(s.curvature * 100, 1), _fixed(s.curvature_1pm * 1e3, 2)]
+    return [
+        _fixed(s.found, 3),
+        f"{s.false_lanes}/{s.empty}",
+        *(_cm(v) for v in s.lateral_m),
+        _cm(s.offset_m),
+        _cm(s.width_m),
+        _fixed(s.heading_rad * 1e3, 1),
+        _fixed(s.curvature * 100, 1),
+        _fixed(s.curvature_1pm * 1e3, 2),
+    ]
 
 
 def _fixed(value: float, digits: int) -> str:

@@ -1,7 +1,9 @@
 """One lane, not two lines: both boundaries, and the surface under them, estimated together.
 
-The two lines of a lane share its heading and its curvature and are a lane width apart, so a strong line carries a weak one, a dash
-carries the gap, and a seam cannot pull one side. Seven numbers describe the lane and how the road departs from the rig's flat plane:
+The two lines of a lane share its heading and its curvature and are a lane width apart, so a strong line carries a
+weak one, a dash
+carries the gap, and a seam cannot pull one side. Seven numbers describe the lane and how the road departs from the
+rig's flat plane:
 
     centre    x of the lane's centre at the car, m          heading   dx/dy of the lane at the car
     bend      A in x = ... + A y^2, 1/m                     rate      D in x = ... + D y^3, 1/m^2
@@ -9,14 +11,19 @@ carries the gap, and a seam cannot pull one side. Seven numbers describe the lan
     hill      vertical curvature of the road, 1/m
 
     centre line  xc(y) = centre + heading y + bend y^2 + rate y^3
-    lines        x(y)  = xc(y) -+ width / 2 * sqrt(1 + xc'(y)^2)         (parallel curves: the width is measured across)
+    lines        x(y)  = xc(y) -+ width / 2 * sqrt(1 + xc'(y)^2)         (parallel curves: the width is measured
+    across)
 
-What is measured is the bearing U = x / y at which a paint point is seen, because its error, one or two pixels, is the same near and far. On the
-rig's flat plane the point appears at y0 = 1 / q0; the real distance is y = 1 / q with q = q0 + (pitch + hill y / 2) / height.
+What is measured is the bearing U = x / y at which a paint point is seen, because its error, one or two pixels, is
+the same near and far. On the
+rig's flat plane the point appears at y0 = 1 / q0; the real distance is y = 1 / q with q = q0 + (pitch + hill y /
+2) / height.
 
-1. ``hypotheses``: a Hough transform over (bearing at infinity, bend, x at the car) for single lines; for each of the strongest a partner,
+1. ``hypotheses``: a Hough transform over (bearing at infinity, bend, x at the car) for single lines; for each of
+the strongest a partner,
    parallel to it, over all widths and pitches.
-2. ``fit``: iteratively reweighted Gauss-Newton on all seven numbers with a prior, from one hypothesis or from the last frame's lane.
+2. ``fit``: iteratively reweighted Gauss-Newton on all seven numbers with a prior, from one hypothesis or from the
+last frame's lane.
    With the last lane as prior this is the measurement update of an iterated extended Kalman filter
    (Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, sec. 10.5).
 """
@@ -43,7 +50,8 @@ class Prior:
 
 
 # A road of which nothing is known. Spread: half a lane of offset; 3.4 degrees of heading; R > 80 m; clothoids
-# of motorways (6 D = change of curvature per metre, 2e-4 on a winding road); lanes of 3.3-4 m; 0.7 degrees of nod; crests of 6 km radius.
+# of motorways (6 D = change of curvature per metre, 2e-4 on a winding road); lanes of 3.3-4 m; 0.7 degrees of nod;
+# crests of 6 km radius.
 UNKNOWN_ROAD = Prior(
     np.array([0, 0, 0, 0, 3.65, 0, 0]),
     np.diag(np.square([0.8, 0.06, 0.006, 3e-5, 0.25, np.deg2rad(0.7), 1 / 6000])),
@@ -51,13 +59,17 @@ UNKNOWN_ROAD = Prior(
 
 LOCATION_STD_PX = 1.0  # how well a crest is located in the frame ...
 LOCATION_STD_M = 0.03  # ... and on the road: paint has ragged edges, the line in it is a convention
-NEIGHBOURS = 8.0  # crests along one line share their error (wear, a kink in the paint): so many count as one measurement
+ENOUGH_ROWS = 40.0  # so many rows of paint settle a line; more add little
+# crests along one line share their error (wear, a kink in the paint): so many count as one measurement
+NEIGHBOURS = 8.0
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Paint points as the fit sees them. ``bearing`` U = x / y and ``inverse`` q0 = 1 / y0 on the rig's flat plane; ``row`` of
-    the grid, ``weight`` 0..1; ``focal_px`` turns bearings into pixels, ``height_m`` is the camera's; ``n_rows`` of the grid."""
+    """Paint points as the fit sees them. ``bearing`` U = x / y and ``inverse`` q0 = 1 / y0 on the rig's flat
+    plane; ``row`` of
+    the grid, ``weight`` 0..1; ``focal_px`` turns bearings into pixels, ``height_m`` is the camera's; ``n_rows`` of
+    the grid."""
 
     bearing: np.ndarray
     inverse: np.ndarray
@@ -74,7 +86,8 @@ class Points:
 
 @dataclass(frozen=True, eq=False)
 class JointFit:
-    """The estimate: ``mean`` (7,), ``covariance`` (7, 7); ``support`` (2, n_rows): per line and grid row the weight of the paint on it;
+    """The estimate: ``mean`` (7,), ``covariance`` (7, 7); ``support`` (2, n_rows): per line and grid row the
+    weight of the paint on it;
     ``energy``: support less what the prior objects."""
 
     mean: np.ndarray
@@ -83,7 +96,8 @@ class JointFit:
     energy: float
     height_m: float
     rms_px: float
-    inward_m: tuple[float, float] = (0.0, 0.0)  # a double line is fitted as one stripe: its inner line lies this much further in
+    # a double line is fitted as one stripe: its inner line lies this much further in
+    inward_m: tuple[float, float] = (0.0, 0.0)
 
     def lane(self, near_m: float, y0_of_row: np.ndarray) -> Lane:
         """The estimate as two lines in metres, seen from ``near_m`` to the farthest row with paint."""
@@ -93,7 +107,7 @@ class JointFit:
         mean[WIDTH] -= sum(self.inward_m)
         lines = []
         joint_far = max(visible_range(s, y0_of_row, self.mean, self.height_m, near_m)[1] for s in self.support)
-        for side, support in zip((-1, 1), self.support):
+        for side, support in zip((-1, 1), self.support, strict=True):
             seen = visible_range(support, y0_of_row, self.mean, self.height_m, near_m)
             y = np.linspace(0, max(joint_far, 10.0), 24)
             x = line_x(y, mean, side)
@@ -103,13 +117,23 @@ class JointFit:
             take[3, CENTRE], take[2, HEADING], take[1, BEND], take[0, RATE], take[3, WIDTH] = 1, 1, 1, 1, side / 2
             lines.append(Line(coefficients, seen, take @ self.covariance @ take.T, float(support.sum())))
         std = np.sqrt(np.diag(self.covariance))
-        return Lane(lines[0], lines[1], surface, {
-            "offset_m": float(std[CENTRE]), "heading_rad": float(std[HEADING]), "curvature_1pm": float(2 * std[BEND]),
-            "width_m": float(std[WIDTH]), "pitch_rad": float(std[PITCH])})
+        return Lane(
+            lines[0],
+            lines[1],
+            surface,
+            {
+                "offset_m": float(std[CENTRE]),
+                "heading_rad": float(std[HEADING]),
+                "curvature_1pm": float(2 * std[BEND]),
+                "width_m": float(std[WIDTH]),
+                "pitch_rad": float(std[PITCH]),
+            },
+        )
 
 
 def visible_range(support, y0_of_row, mean, height_m, near_m) -> tuple[float, float]:
-    """From ``near_m`` to the distance of the farthest row with clear paint (two rows together, so that a speck does not count)."""
+    """From ``near_m`` to the distance of the farthest row with clear paint (two rows together, so that a speck
+    does not count)."""
     solid = np.flatnonzero((support[:-1] > 0.25) & (support[1:] > 0.25))
     if len(solid) == 0:
         return near_m, near_m
@@ -131,8 +155,11 @@ def distance(inverse, mean, height_m):
 
 # ---------------------------------------------------------------------------------------------- hypotheses
 def _curvatures() -> np.ndarray:
-    """Curvatures to try, 1/m: steps that shift the line by a paint's width or two where such a curve leaves the view."""
-    radius = np.array([3000, 1500, 1000, 700, 500, 400, 320, 260, 210, 170, 140, 115, 95, 80, 67, 57, 49, 42, 36, 31, 26, 22, 19, 16])
+    """Curvatures to try, 1/m: steps that shift the line by a paint's width or two where such a curve leaves the
+    view."""
+    radius = np.array(
+        [3000, 1500, 1000, 700, 500, 400, 320, 260, 210, 170, 140, 115, 95, 80, 67, 57, 49, 42, 36, 31, 26, 22, 19, 16]
+    )
     return np.concatenate([-1 / radius[::-1], [0], 1 / radius])
 
 
@@ -165,10 +192,13 @@ def votes(points: Points) -> np.ndarray:
 
 
 def single_lines(points: Points, *, count: int = 5) -> list[tuple[int, np.ndarray]]:
-    """The ``count`` strongest different lines beside the car: (side, (d, a, b, c)) with U = d / q0^2 + a / q0 + b + c q0."""
+    """The ``count`` strongest different lines beside the car: (side, (d, a, b, c)) with U = d / q0^2 + a / q0 + b
+    + c q0."""
     table = votes(points)
     n_b, n_k, n_x = table.shape
-    smooth = cv2.sepFilter2D(table.reshape(n_b * n_k, n_x), -1, np.array([0.6, 1, 0.6]), np.ones(1), borderType=cv2.BORDER_CONSTANT)
+    smooth = cv2.sepFilter2D(
+        table.reshape(n_b * n_k, n_x), -1, np.array([0.6, 1, 0.6]), np.ones(1), borderType=cv2.BORDER_CONSTANT
+    )
     x_of = -X_REACH_M + X_STEP_M * (np.arange(n_x) + 0.5)
     smooth[:, np.abs(x_of) < NEAREST_X_M] = 0
     peaks = np.where(smooth >= cv2.dilate(smooth, np.ones((3, 3))), smooth, 0).ravel()
@@ -187,21 +217,28 @@ def single_lines(points: Points, *, count: int = 5) -> list[tuple[int, np.ndarra
 
 
 def refined_line(points: Points, line: np.ndarray) -> np.ndarray:
-    """A single line (d, a, b, c) drawn onto the paint points by reweighted least squares, reaching further step by step."""
+    """A single line (d, a, b, c) drawn onto the paint points by reweighted least squares, reaching further step by
+    step."""
     q, sigma = points.inverse, bearing_std(points)
     design = np.column_stack([q**-2, 1 / q, np.ones_like(q), q])
     prior = np.diag(np.array([3e-5, 0.01, 0.1, 1.0]) ** -2.0)
     base = np.array([0.0, line[1], line[2], line[3]])
     for gate, far in ((15, 30), (10, 40), (6, 55), (5, 70)):
         z = (points.bearing - design @ line) / sigma
-        w = np.where(q > 1 / far, points.weight * np.square(np.maximum(1 - np.square(z / gate), 0)), 0) / NEIGHBOURS / sigma**2
+        w = (
+            np.where(q > 1 / far, points.weight * np.square(np.maximum(1 - np.square(z / gate), 0)), 0)
+            / NEIGHBOURS
+            / sigma**2
+        )
         line = np.linalg.solve((design * w[:, None]).T @ design + prior, design.T @ (w * points.bearing) + prior @ base)
     return line
 
 
 def partner(points: Points, side: int, line: np.ndarray, prior: Prior) -> list[np.ndarray]:
-    """Lanes (7,) that have ``line`` as their left (-1) or right (+1) boundary: where else is paint, parallel to it? Over all widths
-    and pitches, U - U_line = -side width (q0 + pitch / height) sqrt(1 + slope^2). The two best, and the usual width."""
+    """Lanes (7,) that have ``line`` as their left (-1) or right (+1) boundary: where else is paint, parallel to
+    it? Over all widths
+    and pitches, U - U_line = -side width (q0 + pitch / height) sqrt(1 + slope^2). The two best, and the usual
+    width."""
     q, h = points.inverse, points.height_m
     use = q > 1 / FARTHEST_M
     q, sigma, weight = q[use], bearing_std(points)[use], points.weight[use]
@@ -255,12 +292,15 @@ SEARCH_REACH_M = (35, 35, 45, 60, 80, 110, 140)  # from near to far: a bend show
 TRACK_GATES = (9, 6, 4, 4)
 
 
-def fit(points: Points, start: np.ndarray, *, prior: Prior = UNKNOWN_ROAD, gates=SEARCH_GATES, reach_m=SEARCH_REACH_M) -> JointFit:
-    """Robust Gauss-Newton from ``start`` (7,) under ``prior``; always returns an estimate, ``energy`` says what it is worth."""
+def fit(
+    points: Points, start: np.ndarray, *, prior: Prior = UNKNOWN_ROAD, gates=SEARCH_GATES, reach_m=SEARCH_REACH_M
+) -> JointFit:
+    """Robust Gauss-Newton from ``start`` (7,) under ``prior``; always returns an estimate, ``energy`` says what it
+    is worth."""
     information = np.linalg.inv(prior.covariance)
     mean = np.asarray(start, float).copy()
     q0, bearing, weight = points.inverse, points.bearing, points.weight / NEIGHBOURS
-    height, focal = points.height_m, points.focal_px
+    height = points.height_m
     sigma = bearing_std(points)
     sides = np.array([-1.0, 1.0])[:, None]
     normal = information
@@ -303,13 +343,21 @@ def fit(points: Points, start: np.ndarray, *, prior: Prior = UNKNOWN_ROAD, gates
 
 
 def energy_of(mean: np.ndarray, support: np.ndarray, prior: Prior) -> float:
-    """What a lane is worth: rows of paint on its lines, less what ``prior`` objects (half the squared Mahalanobis distance)."""
+    """What a lane is worth: the paint on its lines, less what ``prior`` objects (half the squared Mahalanobis
+    distance).
+
+    The first rows of paint on a line say more than the last: ENOUGH (1 - exp(-2 rows / ENOUGH)) per line, so that
+    a lane with
+    some paint on both lines is worth more than one with all of it on one.
+    """
     difference = mean - prior.mean
-    return float(support.sum() - 0.5 * difference @ np.linalg.solve(prior.covariance, difference))
+    paint = ENOUGH_ROWS * (1 - np.exp(-2 * support.sum(axis=1) / ENOUGH_ROWS))
+    return float(paint.sum() - 0.5 * difference @ np.linalg.solve(prior.covariance, difference))
 
 
 def supported_rows(points: Points, mean: np.ndarray, *, gate: float = 3.0) -> tuple[np.ndarray, float]:
-    """Per line and grid row the weight of the best paint point within ``gate`` standard deviations (2, n_rows); weighted rms in px."""
+    """Per line and grid row the weight of the best paint point within ``gate`` standard deviations (2, n_rows);
+    weighted rms in px."""
     y = distance(points.inverse, mean, points.height_m)
     sigma = bearing_std(points) * points.focal_px
     support = np.zeros((2, points.n_rows))
@@ -325,15 +373,18 @@ def supported_rows(points: Points, mean: np.ndarray, *, gate: float = 3.0) -> tu
 
 
 # ---------------------------------------------------------------------------------------------- double lines
-SINGLE_LINE_M = (0.06, 0.25)  # half the width of one painted line; the width from which a stripe is two lines with a gap
+# half the width of one painted line; the width from which a stripe is two lines with a gap
+SINGLE_LINE_M = (0.06, 0.25)
 PROFILE_REACH_M, PROFILE_FAR_M = 0.6, 25.0
 
 
 def stripe_width(picture: np.ndarray, x_m: np.ndarray, grid_x0_m: float, column_m: float) -> tuple[float, float, float]:
     """Width at half height of the bright stripe that runs along ``x_m``.
 
-    ``picture`` (H, W): rows of a bird's-eye picture; ``x_m`` (H,): where the line crosses them. The rows are laid on top of each other along
-    the line and averaged. Returns (left edge, right edge) relative to the line, in metres, and the contrast in grey levels; zeros where no stripe is.
+    ``picture`` (H, W): rows of a bird's-eye picture; ``x_m`` (H,): where the line crosses them. The rows are laid
+    on top of each other along
+    the line and averaged. Returns (left edge, right edge) relative to the line, in metres, and the contrast in
+    grey levels; zeros where no stripe is.
     """
     step = 0.025
     d = np.arange(-PROFILE_REACH_M, PROFILE_REACH_M + step / 2, step)
@@ -361,11 +412,12 @@ def stripe_width(picture: np.ndarray, x_m: np.ndarray, grid_x0_m: float, column_
 
 
 def inward(fit: JointFit, picture: np.ndarray, grid) -> tuple[float, float]:
-    """How much further in than the fitted stripes the boundaries lie (m, left and right): 0 for single lines. For a double line the
+    """How much further in than the fitted stripes the boundaries lie (m, left and right): 0 for single lines. For
+    a double line the
     boundary is the middle of its inner line: half a painted line within the stripe's inner edge."""
     y = distance(1 / grid.y_m, fit.mean, fit.height_m)
     shifts = []
-    for side, support in zip((-1, 1), fit.support):
+    for side, support in zip((-1, 1), fit.support, strict=True):
         rows = np.flatnonzero((support > 0.4) & (y < PROFILE_FAR_M))
         if len(rows) < 8:
             shifts.append(0.0)

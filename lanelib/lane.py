@@ -1,11 +1,13 @@
 """Lines and lanes in metres: curvature, lateral offset, width, their uncertainty, and the checks of sanity.
 
-A line is x = A y^2 + B y + C on the road plane: x to the right, y ahead of the camera, in metres. Curvature is signed,
+A line is x = A y^2 + B y + C on the road plane: x to the right, y ahead of the camera, in metres. Curvature is
+signed,
 positive to the left, so with x'' = 2A
 
     curvature = -x'' / (1 + x'^2)^(3/2),    radius of curvature = 1 / |curvature|
 
-Curvatures are averaged, never radii: of two nearly straight lines one may well have a radius of 8,000 m to the left and the
+Curvatures are averaged, never radii: of two nearly straight lines one may well have a radius of 8,000 m to the
+left and the
 other of 8,000 m to the right.
 """
 
@@ -28,7 +30,8 @@ def radius_of(curvature_1pm: float) -> float:
 class Line:
     """One lane line, x = polynomial(y) in metres, ``coefficients`` highest power first (2nd order; a 3rd is allowed).
 
-    ``y_range_m``: from where to where it was seen. ``covariance`` of the coefficients, or None. ``support``: how much paint
+    ``y_range_m``: from where to where it was seen. ``covariance`` of the coefficients, or None. ``support``: how
+    much paint
     speaks for it, in bird's-eye rows.
     """
 
@@ -65,7 +68,9 @@ class Line:
 
     def __repr__(self):
         radius = self.radius_m()
-        bend = "straight" if math.isinf(radius) else f"R {radius:.0f} m {'left' if self.curvature_1pm() > 0 else 'right'}"
+        bend = (
+            "straight" if math.isinf(radius) else f"R {radius:.0f} m {'left' if self.curvature_1pm() > 0 else 'right'}"
+        )
         return f"Line(x(0) = {self.x(0):+.2f} m, {bend}, seen {self.y_range_m[0]:.0f}-{self.y_range_m[1]:.0f} m)"
 
 
@@ -79,21 +84,36 @@ class NoLine:
         return False
 
 
-def fit_line(x_m, y_m, weights=None, *, order: int = 2, robust: bool = True, scale_m: float = 0.05,
-             iterations: int = 8, support: float | None = None) -> Line | NoLine:
+def fit_line(
+    x_m,
+    y_m,
+    weights=None,
+    *,
+    order: int = 2,
+    robust: bool = True,
+    scale_m: float = 0.05,
+    iterations: int = 8,
+    support: float | None = None,
+) -> Line | NoLine:
     """Weighted least-squares polynomial through points (N,), in metres; robust to outliers.
 
-    Robust: iteratively reweighted with Tukey's biweight, w(r) = (1 - (r / c)^2)^2 for |r| < c, else 0 (Beaton and Tukey 1974);
-    c = 4.685 s with s the larger of ``scale_m`` (how well paint can be located) and 1.48 times the median residual. The
-    first pass is a Theil-Sen-like start: the best of fits through random triples, so that up to half of the points may lie.
-    The covariance is (J' W J)^-1 times the residual variance. Points that do not determine the polynomial give ``NoLine``.
+    Robust: iteratively reweighted with Tukey's biweight, w(r) = (1 - (r / c)^2)^2 for |r| < c, else 0 (Beaton and
+    Tukey 1974);
+    c = 4.685 s with s the larger of ``scale_m`` (how well paint can be located) and 1.48 times the median
+    residual. The
+    first pass is a Theil-Sen-like start: the best of fits through random triples, so that up to half of the points
+    may lie.
+    The covariance is (J' W J)^-1 times the residual variance. Points that do not determine the polynomial give
+    ``NoLine``.
     """
     x, y = np.asarray(x_m, float).ravel(), np.asarray(y_m, float).ravel()
     w = np.ones(len(x)) if weights is None else np.asarray(weights, float).ravel()
     good = np.isfinite(x) & np.isfinite(y) & (w > 0)
     x, y, w = x[good], y[good], w[good]
     if len(np.unique(y)) <= order:
-        return NoLine(f"a polynomial of order {order} needs points at more than {order} distances, found {len(np.unique(y))}")
+        return NoLine(
+            f"a polynomial of order {order} needs points at more than {order} distances, found {len(np.unique(y))}"
+        )
     length = max(float(np.abs(y).max()), 1e-9)
     design = np.vander(y / length, order + 1)  # scaled to 1: conditions the normal equations
 
@@ -125,8 +145,12 @@ def fit_line(x_m, y_m, weights=None, *, order: int = 2, robust: bool = True, sca
     unscale = 1 / length ** np.arange(order, -1, -1)
     covariance = np.linalg.inv(normal / weight.max()) * variance * (len(x) / freedom if freedom > 1 else 1.0)
     used = weight > 0
-    return Line(coefficients * unscale, (float(y[used].min()), float(y[used].max())),
-                covariance * np.outer(unscale, unscale), float(w[used].sum()) if support is None else support)
+    return Line(
+        coefficients * unscale,
+        (float(y[used].min()), float(y[used].max())),
+        covariance * np.outer(unscale, unscale),
+        float(w[used].sum()) if support is None else support,
+    )
 
 
 @dataclass(frozen=True)
@@ -136,7 +160,8 @@ class Surface:
     ``pitch_rad`` > 0: the camera looks further down than the rig says. ``bend_1pm``: vertical curvature of the road
     (height = bend y^2 / 2), positive in a dip, negative on a crest. ``height_m``: of the camera.
 
-    A point of the road at distance y is seen height / y - bend y / 2 below the road's own horizon, the rig's flat plane shows it at y0 with
+    A point of the road at distance y is seen height / y - bend y / 2 below the road's own horizon, the rig's flat
+    plane shows it at y0 with
     height / y0 = height / y - bend y / 2 - pitch (small angles); its bearing x / y is the same.
     """
 
@@ -178,7 +203,8 @@ class Lane:
 
     @property
     def radius_m(self) -> float:
-        """Radius of curvature at the car in metres; ``inf`` where straight or where it cannot be told from straight."""
+        """Radius of curvature at the car in metres; ``inf`` where straight or where it cannot be told from
+        straight."""
         if abs(self.curvature_1pm) < self.std.get("curvature_1pm", 0.0):
             return math.inf
         return radius_of(self.curvature_1pm)
@@ -186,12 +212,19 @@ class Lane:
     @property
     def y_range_m(self) -> tuple[float, float]:
         """Nearest and farthest distance at which any of the two lines was seen."""
-        return (min(self.left.y_range_m[0], self.right.y_range_m[0]), max(self.left.y_range_m[1], self.right.y_range_m[1]))
+        return (
+            min(self.left.y_range_m[0], self.right.y_range_m[0]),
+            max(self.left.y_range_m[1], self.right.y_range_m[1]),
+        )
 
     def __repr__(self):
         radius = self.radius_m
         side = "right" if self.offset_m > 0 else "left"
-        bend = "straight" if math.isinf(radius) else f"R {radius:.0f} m to the {'left' if self.curvature_1pm > 0 else 'right'}"
+        bend = (
+            "straight"
+            if math.isinf(radius)
+            else f"R {radius:.0f} m to the {'left' if self.curvature_1pm > 0 else 'right'}"
+        )
         return f"Lane({float(self.width_m()):.2f} m wide, {bend}, car {abs(self.offset_m):.2f} m {side} of centre)"
 
 
@@ -200,7 +233,8 @@ class Lane:
 class Limits:
     """What a lane may look like. Sources beside the numbers."""
 
-    width_m: tuple[float, float] = (2.6, 4.6)  # narrow town lanes 2.7 m; motorway 3.7 m; ramps to 4.5 m (AASHTO Green Book)
+    # narrow town lanes 2.7 m; motorway 3.7 m; ramps to 4.5 m (AASHTO Green Book)
+    width_m: tuple[float, float] = (2.6, 4.6)
     width_change_m: float = 0.6  # between the car and 20 m ahead; more means that one line is another thing
     curvature_difference_1pm: float = 0.004  # between the two lines at the car
     radius_m: float = 15.0  # the tightest hairpin a car drives
@@ -230,14 +264,35 @@ def check_lane(lane: Lane, previous: Lane | None = None, *, limits: Limits = Lim
     bends = abs(float(lane.left.curvature_1pm() - lane.right.curvature_1pm()))
     tightest = 1 / max(abs(lane.curvature_1pm), 1e-9)
     checks = [
-        Check("order", float(gap.min()), "the left line stays left of the right one: more than 0 m apart", bool(gap.min() > 0)),
-        Check("width", width, f"{limits.width_m[0]}-{limits.width_m[1]} m", limits.width_m[0] <= width <= limits.width_m[1]),
-        Check("parallel", change, f"width changes by at most {limits.width_change_m} m in {far:.0f} m", change <= limits.width_change_m),
-        Check("same bend", bends, f"curvatures differ by at most {limits.curvature_difference_1pm} 1/m",
-              bends <= limits.curvature_difference_1pm),
+        Check(
+            "order",
+            float(gap.min()),
+            "the left line stays left of the right one: more than 0 m apart",
+            bool(gap.min() > 0),
+        ),
+        Check(
+            "width",
+            width,
+            f"{limits.width_m[0]}-{limits.width_m[1]} m",
+            limits.width_m[0] <= width <= limits.width_m[1],
+        ),
+        Check(
+            "parallel",
+            change,
+            f"width changes by at most {limits.width_change_m} m in {far:.0f} m",
+            change <= limits.width_change_m,
+        ),
+        Check(
+            "same bend",
+            bends,
+            f"curvatures differ by at most {limits.curvature_difference_1pm} 1/m",
+            bends <= limits.curvature_difference_1pm,
+        ),
         Check("radius", tightest, f"at least {limits.radius_m} m", tightest >= limits.radius_m),
     ]
     if previous is not None:
-        jump = max(abs(float(a.x(5.0) - b.x(5.0))) for a, b in ((lane.left, previous.left), (lane.right, previous.right)))
+        jump = max(
+            abs(float(a.x(5.0) - b.x(5.0))) for a, b in ((lane.left, previous.left), (lane.right, previous.right))
+        )
         checks.append(Check("no jump", jump, f"at most {limits.jump_m} m since the last frame", jump <= limits.jump_m))
     return tuple(checks)

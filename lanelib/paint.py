@@ -1,6 +1,7 @@
 """What makes paint paint: a ridge of known width, brighter or yellower than the road on both sides.
 
-A lane line is a stripe 0.10-0.15 m wide (US Manual on Uniform Traffic Control Devices, sec. 3A.06: 4 to 6 inches). Seams, shadow
+A lane line is a stripe 0.10-0.15 m wide (US Manual on Uniform Traffic Control Devices, sec. 3A.06: 4 to 6 inches).
+Seams, shadow
 edges and barriers are steps: one side is as bright as the middle. So the response at a pixel is
 
     ridge = middle - max(left side, right side)            (a dark seam gives less than 0, a step gives 0)
@@ -25,7 +26,7 @@ DOUBLE_WIDTH_M = 0.35  # two 4-inch lines and their gap, seen as one from afar
 TEXTURE_SIZE_M = 3.0  # the texture is averaged over this width: most of a lane, so that one line in it counts little
 TEXTURE_ROWS = 7
 FLOOR_GREY_LEVELS = 2.0  # quantisation and sensor noise: contrasts below this are not trusted
-WEAK_Z, STRONG_Z = 1.5, 6.0  # a point weighs 0 at the first and 1 at the second; noise alone seldom passes 1.5
+WEAK_Z, STRONG_Z = 1.5, 4.5  # a point weighs 0 at the first and 1 at the second; noise alone seldom passes 1.5
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,8 @@ class PaintPoints:
 def paint_channels(bgr: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Brightness and yellowness of a (H, W, 3) uint8 BGR picture, each (H, W) uint8.
 
-    Brightness is the plain mean: where an over-exposed road has burnt out in red, blue still tells white paint from it. Yellow paint
+    Brightness is the plain mean: where an over-exposed road has burnt out in red, blue still tells white paint
+    from it. Yellow paint
     on pale concrete is no brighter than the concrete; it stands out only in (R + G) / 2 - B.
     """
     mix = np.array([[1 / 3, 1 / 3, 1 / 3], [-1, 0.5, 0.5]], np.float32)

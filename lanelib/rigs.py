@@ -5,7 +5,8 @@ whose proportions fit is tried on a few frames, and the one under which the find
 one the lines of a lane do not come out parallel, a lane width apart, nor as narrow as paint.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,10 +16,13 @@ from lanelib import datasets
 from lanelib.camera import ASPECT_TOLERANCE
 from lanelib.errors import LanelibError
 from lanelib.finder import LaneFinder, Rig
+from lanelib.pictures import read_image
 from lanelib.video import probe, read_frames
 
 TRIAL_FRAMES = 8  # a median of eight bears three frames without a lane
-LEAST_CONFIDENCE = 0.3  # one clear line alone gives 0.67 (see finder.confidence_of); half of that is no lane but a guess
+LEAST_CONFIDENCE = (
+    0.3  # one clear line alone gives 0.67 (see finder.confidence_of); half of that is no lane but a guess
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +45,11 @@ def known_rigs() -> tuple[Path, ...]:
         return ()
     files = [path for folder in folders if folder.is_dir() for path in sorted(folder.glob("*.json"))]
     return tuple({path.name: path for path in reversed(files)}.values())[::-1]
+
+
+def all_known() -> list[Rig]:
+    """The known rigs themselves."""
+    return [Rig.load(path) for path in known_rigs()]
 
 
 def load_rig(name: str | Path) -> Rig:
@@ -72,7 +81,9 @@ def set_of(path: str | Path) -> datasets.DataSet | None:
 def rig_of_set(path: str | Path) -> RigChoice | None:
     """The rig of the data set that the file lies in, or None."""
     found = set_of(path)
-    return RigChoice(Rig.load(found.rig_file), f"the file is of the set {found.name}") if found and found.has_rig else None
+    return (
+        RigChoice(Rig.load(found.rig_file), f"the file is of the set {found.name}") if found and found.has_rig else None
+    )
 
 
 def fits(rig: Rig, size_wh: Sequence[int]) -> bool:
@@ -86,7 +97,8 @@ def check_fits(rig: Rig, size_wh: Sequence[int], name: str | Path) -> None:
     if not fits(rig, size_wh):
         raise LanelibError(
             f"{name}: needed pictures in the proportions of the rig {rig.name!r} ({rig.size_wh[0]}x{rig.size_wh[1]}), "
-            f"found {size_wh[0]}x{size_wh[1]}; give the rig of this camera (--rig) or make one with `lanelib rig`")
+            f"found {size_wh[0]}x{size_wh[1]}; give the rig of this camera (--rig) or make one with `lanelib rig`"
+        )
 
 
 def choose_rig(frames: Sequence[np.ndarray], rigs: Iterable[Rig]) -> RigChoice:
@@ -102,8 +114,10 @@ def choose_rig(frames: Sequence[np.ndarray], rigs: Iterable[Rig]) -> RigChoice:
     fitting = [rig for rig in rigs if fits(rig, (width, height))]
     if not fitting:
         found = ", ".join(f"{r.name} {r.size_wh[0]}x{r.size_wh[1]}" for r in rigs) or "none"
-        raise LanelibError(f"needed a rig for pictures of {width}x{height}, found none in these proportions (there: {found}); "
-                           "make one with `lanelib rig FRAME --camera none -o RIG`")
+        raise LanelibError(
+            f"needed a rig for pictures of {width}x{height}, found none in these proportions (there: {found}); "
+            "make one with `lanelib rig FRAME --camera none -o RIG`"
+        )
     trial = [frames[i] for i in spread(len(frames), TRIAL_FRAMES)]
     medians = []
     for rig in fitting:
@@ -112,8 +126,10 @@ def choose_rig(frames: Sequence[np.ndarray], rigs: Iterable[Rig]) -> RigChoice:
     best = int(np.argmax(medians))
     others = ", ".join(f"{r.name} {m:.2f}" for i, (r, m) in enumerate(zip(fitting, medians, strict=True)) if i != best)
     if medians[best] < LEAST_CONFIDENCE:
-        raise LanelibError(f"needed a rig that fits these pictures, found none (the best, {fitting[best].name}, sees lanes "
-                           f"with confidence {medians[best]:.2f}); make one with `lanelib rig FRAME --camera none -o RIG`")
+        raise LanelibError(
+            f"needed a rig that fits these pictures, found none (the best, {fitting[best].name}, sees lanes "
+            f"with confidence {medians[best]:.2f}); make one with `lanelib rig FRAME --camera none -o RIG`"
+        )
     beside = f" (others: {others})" if others else ""
     return RigChoice(fitting[best], f"median confidence {medians[best]:.2f} over {len(trial)} frame(s){beside}")
 
@@ -145,5 +161,51 @@ def frames_of_video(path: str | Path, count: int = TRIAL_FRAMES) -> list[np.ndar
         if frame is not None:
             frames.append(frame.frame_bgr)
     if not frames:
-        raise LanelibError(f"{path}: needed a video whose frames can be read, found none at {count} places; record it again")
+        raise LanelibError(
+            f"{path}: needed a video whose frames can be read, found none at {count} places; record it again"
+        )
     return frames
+
+
+class RigChooser:
+    """The rig for each picture: the one given, that of its data set, or the known one that explains the pictures best."""
+
+    def __init__(self, given: str | None, pictures: list[Path], say: Callable[[object], None]):
+        self._given = None if given is None else load_rig(given)
+        self._pictures, self._say = pictures, say
+        self._of_folder: dict[Path, Rig | None] = {}
+        self._of_shape: dict[float, Rig] = {}
+
+    def for_picture(self, path: Path, frame: np.ndarray) -> Rig:
+        """LanelibError where no rig fits the picture."""
+        size_wh = frame.shape[1::-1]
+        chosen = self._given or self._from_set(path)
+        if chosen is None:
+            shape = round(size_wh[0] / size_wh[1], 2)
+            if shape not in self._of_shape:
+                choice = choose_rig(self._trial(path, frame, shape), all_known())
+                self._of_shape[shape] = choice.rig
+                self._say(choice)
+            chosen = self._of_shape[shape]
+        check_fits(chosen, size_wh, path)
+        return chosen
+
+    def _from_set(self, path: Path) -> Rig | None:
+        folder = path.resolve().parent
+        if folder not in self._of_folder:
+            choice = rig_of_set(path)
+            if choice:
+                self._say(choice)
+            self._of_folder[folder] = choice.rig if choice else None
+        return self._of_folder[folder]
+
+    def _trial(self, path: Path, frame: np.ndarray, shape: float) -> list[np.ndarray]:
+        """The picture and others of the same proportions, as far as they can be read."""
+        others = [p for p in self._pictures if p != path and self._of_folder.get(p.resolve().parent) is None]
+        frames = [frame]
+        for i in spread(len(others), TRIAL_FRAMES - 1):
+            with suppress(LanelibError):  # said when its turn comes
+                other = read_image(others[i])
+                if round(other.shape[1] / other.shape[0], 2) == shape:
+                    frames.append(other)
+        return frames

@@ -5,10 +5,12 @@ The state is the joint fit's seven numbers (see ``jointfit.NAMES``). Four ways o
     none         each frame speaks for itself
     average      mean of the last n frames, each weighted with the inverse variance of its own fit
     exponential  s = s + alpha (measured - s)
-    kalman       prediction with process noise, then the frame's fit under that prediction as prior (the default: measured in
+    kalman       prediction with process noise, then the frame's fit under that prediction as prior (the default:
+    measured in
                  notebook 05 to have the least error and jitter for the least lag)
 
-A missed frame is an event of its own (``update(None, reason)``): the last good lane is held for a bounded time, then forgotten.
+A missed frame is an event of its own (``update(None, reason)``): the last good lane is held for a bounded time,
+then forgotten.
 """
 
 from __future__ import annotations
@@ -18,19 +20,28 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lanelib.jointfit import CENTRE, PITCH, UNKNOWN_ROAD, WIDTH, JointFit, Prior
+from lanelib.errors import LanelibError
+from lanelib.jointfit import CENTRE, PITCH, UNKNOWN_ROAD, WIDTH, JointFit, Prior, differ, energy_of
 
-# How fast each number changes: standard deviation of a step from frame to frame at 25 frames a second. Centre: 2 m/s sideways; heading: half
-# a radian a second; bend: from straight to R 60 m in a second; pitch: 6 degrees a second over bumps. Half of it lags on a winding road, three
+# How fast each number changes: standard deviation of a step from frame to frame at 25 frames a second. Centre: 2
+# m/s sideways; heading: half
+# a radian a second; bend: from straight to R 60 m in a second; pitch: 6 degrees a second over bumps. Half of it
+# lags on a winding road, three
 # times of it jitters on a motorway (notebook 05).
 STEP_STD = np.array([0.1, 0.02, 4e-4, 1.2e-5, 0.03, 0.004, 6e-5])
+CLEAR_ROWS = 6.0  # with so many rows of paint on the weaker line the tracked lane is beyond doubt ...
+# ... unless it has less paint than this share of the last second's: it may have left the prediction behind
+FADING = 0.8
+LOOK_AGAIN = 2  # in doubt, every second frame is searched afresh ...
+RIVAL_ENERGY = 3.0  # ... and another lane takes over when it is worth this much more, twice in succession
 HOLD_FRAMES = 12  # half a second at 25 frames a second: longer, and the car has left what was known
 SMOOTHING = ("none", "average", "exponential", "kalman")
 
 
 @dataclass(frozen=True)
 class Event:
-    """What one frame did to the tracker: ``status`` measured, held or none; ``missed`` frames in a row; ``reason`` of a miss."""
+    """What one frame did to the tracker: ``status`` measured, held or none; ``missed`` frames in a row; ``reason``
+    of a miss."""
 
     status: str
     missed: int = 0
@@ -45,11 +56,16 @@ class LaneTracker:
     ``tracker.update(None, "why")``; the smoothed lane is ``tracker.fit`` (None when there is none).
     """
 
-    def __init__(self, *, smoothing: str = "kalman", hold_frames: int = HOLD_FRAMES, n: int = 6, alpha: float = 0.3,
-                 step_std: np.ndarray = STEP_STD):
+    def __init__(
+        self,
+        *,
+        smoothing: str = "kalman",
+        hold_frames: int = HOLD_FRAMES,
+        n: int = 6,
+        alpha: float = 0.3,
+        step_std: np.ndarray = STEP_STD,
+    ):
         if smoothing not in SMOOTHING:
-            from lanelib.errors import LanelibError
-
             raise LanelibError(f"smoothing must be one of {', '.join(SMOOTHING)}, found {smoothing!r}")
         self.smoothing, self.hold_frames, self.alpha = smoothing, hold_frames, alpha
         self.step_std = np.asarray(step_std, float)
@@ -62,6 +78,8 @@ class LaneTracker:
         self.fit: JointFit | None = None
         self.missed = 0
         self._history.clear()
+        self._doubts, self._usual_rows = 0, 0.0
+        self._rival: np.ndarray | None = None
 
     @property
     def background(self) -> Prior:
@@ -74,7 +92,8 @@ class LaneTracker:
     def predict(self) -> Prior | None:
         """Where the lane should be in the next frame; None when nothing is known.
 
-        Each number is an Ornstein-Uhlenbeck process: it wanders by ``step_std`` a frame and is drawn back to the unknown
+        Each number is an Ornstein-Uhlenbeck process: it wanders by ``step_std`` a frame and is drawn back to the
+        unknown
         road, m' = b + r (m - b), P' = r P r + (1 - r^2) S with r = sqrt(1 - step^2 / S), so that a long gap ends in
         knowing nothing rather than in nonsense.
         """
@@ -88,7 +107,8 @@ class LaneTracker:
         return Prior(mean, covariance)
 
     def fit_prior(self) -> Prior | None:
-        """The prior under which a frame is to be fitted: the prediction (kalman), or the unknown road (the other smoothers)."""
+        """The prior under which a frame is to be fitted: the prediction (kalman), or the unknown road (the other
+        smoothers)."""
         prediction = self.predict()
         return prediction if prediction is None or self.smoothing == "kalman" else self.background
 
@@ -103,9 +123,11 @@ class LaneTracker:
             self.fit = replace(self.fit, mean=self._held(prediction.mean), covariance=prediction.covariance)
             return Event("held", self.missed, reason)
         self.missed = 0
+        if self.fit is None:
+            self._usual_rows = float(fit.support.sum())
         smoothed = self._smooth(fit)
         if self.fit is not None:  # a double line stays one while a frame is unsure of it
-            calm = [old + 0.2 * (new - old) for old, new in zip(self.fit.inward_m, fit.inward_m)]
+            calm = [old + 0.2 * (new - old) for old, new in zip(self.fit.inward_m, fit.inward_m, strict=True)]
             smoothed = replace(smoothed, inward_m=tuple(calm))
         self._drive_pitch += 0.02 * (smoothed.mean[PITCH] - self._drive_pitch)
         self.fit, handover = handed_over(smoothed)
@@ -113,6 +135,30 @@ class LaneTracker:
             self._history.clear()
         self._history.append(self.fit if handover else fit)
         return Event("measured", 0, "", handover)
+
+    def is_in_doubt(self, fit: JointFit, *, lost: bool) -> bool:
+        """Whether this frame is to be searched afresh beside the tracked ``fit`` (``lost``: it failed its tests)."""
+        rows = float(fit.support.sum())
+        fading = rows < FADING * self._usual_rows
+        self._usual_rows += 0.1 * (rows - self._usual_rows)
+        if not lost and not fading and fit.support.sum(axis=1).min() >= CLEAR_ROWS:
+            self._doubts, self._rival = 0, None
+            return False
+        self._doubts += 1
+        return self._doubts % LOOK_AGAIN == 1
+
+    def is_outdone(self, tracked: JointFit, fresh: JointFit | None, *, lost: bool) -> bool:
+        """Whether a fresh search found another lane that explains the frame better, for the second time in
+        succession; the
+        old lane is then forgotten."""
+        rival = fresh is not None and (differ(fresh.mean, tracked.mean) or lost)
+        if rival and not lost:
+            rival = fresh.energy > energy_of(tracked.mean, tracked.support, self.background) + RIVAL_ENERGY
+        confirmed = rival and self._rival is not None and not differ(fresh.mean, self._rival)
+        self._rival = fresh.mean if rival else None
+        if confirmed:
+            self.reset()
+        return confirmed
 
     def _held(self, predicted: np.ndarray) -> np.ndarray:
         """While held, the lane stays where it was; only what no one saw (pitch, hill) relaxes."""
@@ -131,7 +177,8 @@ class LaneTracker:
 
 
 def handed_over(fit: JointFit, *, margin_m: float = 0.25) -> tuple[JointFit, bool]:
-    """On a lane change the ego lane becomes the neighbour: once the car's centre is ``margin_m`` beyond a line (so that
+    """On a lane change the ego lane becomes the neighbour: once the car's centre is ``margin_m`` beyond a line (so
+    that
     driving on the line does not flicker), the lane moves over by its width."""
     centre, width = fit.mean[CENTRE], fit.mean[WIDTH]
     if abs(centre) <= width / 2 + margin_m:

@@ -10,10 +10,10 @@ LEAVES = {"type": "principledthin", "base_color": {"type": "mesh_attribute", "na
           "roughness": 0.55, "diff_trans": 0.7, "eta": 1.3}  # light shines through: without it leaves are black
 # height, leaf length, number of leaves, colour, trunk share, branch angle, spread of leaves about their twig, droop
 SPECIES = {
-    "oak": dict(h=9.0, leaf=0.10, n=230000, color=(0.105, 0.120, 0.045), angle=(0.55, 1.05), spread=0.060, droop=0.0, trunk=0.17),
-    "gum": dict(h=17.0, leaf=0.15, n=260000, color=(0.130, 0.135, 0.070), angle=(0.30, 0.75), spread=0.040, droop=0.5, trunk=0.24),
+    "oak": dict(h=9.0, leaf=0.085, n=260000, color=(0.105, 0.120, 0.045), angle=(0.55, 1.05), spread=0.060, droop=0.0, trunk=0.17),
+    "gum": dict(h=17.0, leaf=0.12, n=330000, color=(0.130, 0.135, 0.070), angle=(0.30, 0.75), spread=0.040, droop=0.5, trunk=0.24),
     "bare": dict(h=10.0, leaf=0.09, n=45000, color=(0.150, 0.125, 0.065), angle=(0.40, 0.85), spread=0.050, droop=0.1, trunk=0.20),
-    "pine": dict(h=14.0, leaf=0.13, n=150000, color=(0.060, 0.080, 0.040), angle=None, spread=0.03, droop=0.1, trunk=0.1),
+    "pine": dict(h=14.0, leaf=0.11, n=190000, color=(0.060, 0.080, 0.040), angle=None, spread=0.03, droop=0.1, trunk=0.1),
     "bush": dict(h=2.4, leaf=0.06, n=42000, color=(0.105, 0.115, 0.050), angle=None, spread=0.0, droop=0.0, trunk=0.0),
 }
 THINNER = (1.0, 2.5, 8.0, 26.0)  # leaves are this many times fewer (and larger) at each level of detail
@@ -66,7 +66,7 @@ def tree(species: str, variant: int, level: int):
     weight = rng.gamma(1.2 if species in ("gum", "bare") else 2.0, 1.0, len(tips))
     at = rng.choice(len(tips), n, p=weight / weight.sum())
     sd = sp["spread"] * h / scale
-    centre = (tips[at] + rng.normal(0, 1, (n, 3)) * sd * (0.6 + rng.random((n, 1)))) * scale
+    centre = (tips[at] + np.clip(rng.normal(0, 1, (n, 3)), -1.7, 1.7) * sd * (0.6 + rng.random((n, 1)))) * scale
     a = rng.normal(0, 1, (n, 3)) + np.array([0, 0, -2.0 * sp["droop"]])
     a /= np.linalg.norm(a, axis=1, keepdims=True)
     b = np.cross(a, rng.normal(0, 1, (n, 3)))

@@ -173,7 +173,7 @@ def ground_albedo(p, f, c):
     dry, green = mi.Color3f(*c.get("dry_rgb", (0.255, 0.200, 0.112))), mi.Color3f(*c.get("green_rgb", (0.085, 0.10, 0.035)))
     clumps = _noise((seed + 4, 2.0, 2.0), p.x, p.y, 37.0, 37.0) * _fade(f, 0.3)
     share = dr.clip(c.get("green", 0.2) + 0.26 * field + 0.16 * tufts + 0.10 * clumps, 0, 1)
-    color = _mix(dry, green, share) * (1 + 0.24 * fine + 0.16 * tufts + 0.20 * clumps + 0.08 * field)
+    color = _mix(dry, green, share) * (1 + 0.26 * fine + 0.14 * tufts + 0.24 * clumps + 0.10 * field)
     soil = dr.clip(0.35 * field - 0.25 * tufts - 0.25, 0, 0.7)
     return dr.clip(_mix(color, mi.Color3f(0.27, 0.22, 0.165) * (1 + 0.2 * fine), soil), 0.01, 0.7)
 
@@ -206,7 +206,8 @@ class RoadRoughness(_Texture):
 
 class GroundAlbedo(_Texture):
     def eval(self, si, active=True):
-        return ground_albedo(si.p, _footprints(si)[1], self.config)
+        fd, fs = _footprints(si)
+        return ground_albedo(si.p, dr.sqrt(fd * fs), self.config)
 
 
 for _name, _kind in (("road_albedo", RoadAlbedo), ("road_roughness", RoadRoughness), ("ground_albedo", GroundAlbedo)):

@@ -121,7 +121,8 @@ class World:
         z = rise * np.clip((u - hills.get("flat", 4.0)) / 60, 0, 1.6) ** 1.25 * lumps
         ditch = hills.get("ditch", 0.25) * np.exp(-(((u - 2.5) / 1.3) ** 2))
         bank = hills.get("bank", 0.0) * np.clip((u - 1.5) / 5, 0, 1) ** 1.5
-        return z + bank - ditch - 0.05 * np.minimum(u, 1) + 0.06 * fractal(s, d, 350, 3, 18.0) * np.clip(u, 0, 1)
+        return z + bank - ditch - 0.05 * np.minimum(u, 1) + 0.06 * fractal(s, d, 350, 3, 18.0) * np.clip(u, 0, 1) \
+            + 0.35 * fractal(s, d, 360, 4, 110.0) * np.clip((u - 6) / 10, 0, 1)
 
     @property
     def outer(self):
@@ -325,10 +326,10 @@ class World:
         h = self.scene.get("hood", {})
         u, v = np.meshgrid(np.linspace(-1, 1, 80), np.linspace(0, 1, 30), indexing="ij")
         x, y = u * 1.02, 0.5 + v * 1.2
-        z = 0.965 - 0.10 * v**2 - 0.045 * u**2 - 0.03 * np.maximum(0, v - 0.85) * 8
+        z = 0.956 - 0.10 * v**2 - 0.045 * u**2 - 0.03 * np.maximum(0, v - 0.85) * 8
         z = z + 0.014 * np.exp(-(((np.abs(u) - 0.52) / 0.09) ** 2)) + 0.004 * np.sin(5 * u + 1)
         points = np.stack([x, y, z + h.get("raise", 0.0), np.ones_like(x)], -1).reshape(-1, 4) @ np.asarray(world_from_car).T
-        return {"hood": mesh("hood", points[:, :3], grid_faces(80, 30), glossy(h.get("rgb", (.085, .034, .027)), .5, .5, .1, .22),
+        return {"hood": mesh("hood", points[:, :3], grid_faces(80, 30), glossy(h.get("rgb", (.075, .043, .036)), .5, .5, .1, .2),
                              smooth=True)}
 
     def load(self, pose: CarPose, *, time_s=None):

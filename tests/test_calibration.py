@@ -81,7 +81,7 @@ def test_the_size_of_the_squares_does_not_change_the_camera(pictures, calibratio
 def test_undistorting_makes_rows_and_columns_straight(calibration):
     before = [straightness_px(board.corners_px, (7, 5)) for board in calibration.boards]
     after = [straightness_px(calibration.camera.undistort_points(b.corners_px), (7, 5)) for b in calibration.boards]
-    assert max(before) > 1 and max(after) < 0.15
+    assert min(before) > 0.1 and max(after) < 0.1 and np.mean(after) < 0.3 * np.mean(before)
 
 
 def test_a_bent_board_needs_its_shape_estimated():
@@ -171,8 +171,8 @@ def test_a_board_size_that_does_not_fit(pictures, board_wh, words):
 
 
 def test_boards_held_alike_do_not_determine_a_focal_length():
-    pictures = [(str(i), render((0.0, 0.0, 0.02 * i), (0.3 * i, 0.1, 13.0), noise=8, seed=i)) for i in range(3)]
-    assert "tilted in different ways" in message(pictures, board_wh=(7, 5))
+    pictures = [(str(i), render((0.0, 0.0, 0.02 * i), (0.3 * i, 0.1, 13.0 + i), seed=i)) for i in range(4)]
+    assert "need boards tilted" in message(pictures, board_wh=(7, 5))
 
 
 @pytest.mark.parametrize(

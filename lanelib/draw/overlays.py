@@ -24,6 +24,7 @@ PALE = (214, 214, 214)
 LINE_WIDTH = 0.026  # of the lane's width at the same place: 0.10 m of 3.66 m, as wide as the narrowest paint
 FADE = 0.35  # the upper part of the lane over which the area fades out and the lines taper: farther away less is known
 CARD_OPACITY = 0.66
+LINE_FADE = 0.14  # the same for the lines
 DASH, PAUSE = 3, 2  # points of a line that is held
 
 
@@ -82,8 +83,12 @@ def draw_lane(canvas: Canvas, left_px: np.ndarray, right_px: np.ndarray, *, held
         wide = np.maximum(wide * np.clip((line[:, 1] - top) / (full - top), 0.25, 1), thinnest)
         colour = mixed(bgr(name), PALE, HELD_PALER) if held else bgr(name)
         last = len(line) - 1
-        pieces = [(i, min(i + DASH, last)) for i in range(0, last, DASH + PAUSE)] if held else [(0, last)]
-        canvas.fill([ribbon(line[a : b + 1], wide[a : b + 1]) for a, b in pieces], colour)
+        far = int(np.count_nonzero(line[:, 1] > top + LINE_FADE * (bottom - top)))  # the first point that fades
+        pieces = [(i, min(i + DASH, last)) for i in range(0, last, DASH + PAUSE)] if held else [(0, far), (far, last)]
+        near, fading = ([ribbon(line[a : b + 1], wide[a : b + 1]) for a, b in pieces if b > a and (a >= far) == beyond]
+                        for beyond in (False, True))
+        canvas.fill(near, colour)
+        canvas.fill(fading, colour, opacity=0.999, fade_rows=(top, top + LINE_FADE * (bottom - top)))
 
 
 def mixed(colour, other, part: float) -> tuple[int, ...]:

@@ -1,0 +1,162 @@
+"""Marks on pictures: masks in colour, heat, points, lines, windows, corners. A picture in, a new picture out.
+
+Pictures are (H, W, 3) uint8 BGR (grey ones are taken too); positions are pixels x, y, centres at integers.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from lanelib.channels import as_bgr
+from lanelib.draw.canvas import Canvas
+from lanelib.draw.lettering import put_text
+from lanelib.draw.palette import PALETTE, bgr
+from lanelib.errors import LanelibError
+
+
+def mask_to_colour(mask: np.ndarray, colour: str = "#ffffff", *, over: np.ndarray | None = None, opacity: float = 0.8) -> np.ndarray:
+    """A mask (H, W) as a picture: ``colour`` wherever it is not 0 (so 0/1, 0/255 and bool all show), black elsewhere, or the
+    picture ``over`` (H, W, 3), which the colour covers by ``opacity``."""
+    mask = np.asarray(mask)
+    if mask.ndim != 2:
+        raise LanelibError(f"a mask (H, W) is needed, found shape {mask.shape}; give one channel")
+    on = mask != 0
+    if over is None:
+        return np.where(on[:, :, None], np.uint8(bgr(colour)), np.uint8(0))
+    picture = _copy(over)
+    if picture.shape[:2] != mask.shape:
+        raise LanelibError(f"mask and picture must be of one size, found {mask.shape} and {picture.shape[:2]}; warp both or neither")
+    picture[on] = np.round((1 - opacity) * picture[on] + opacity * np.array(bgr(colour)))
+    return picture
+
+
+def heat(values: np.ndarray, *, top: float | None = None) -> np.ndarray:
+    """Numbers (H, W), 0 and more, as a picture from black over purple and orange to pale yellow at ``top`` (default: the largest)."""
+    values = np.nan_to_num(np.asarray(values, np.float32))
+    top = float(values.max(initial=0.0)) if top is None else top
+    scaled = np.clip(values * (255 / top if top > 0 else 0), 0, 255).astype(np.uint8)
+    return cv2.applyColorMap(scaled, cv2.COLORMAP_INFERNO)  # brightness grows with the number: reads in grey, too
+
+
+def difference(first: np.ndarray, second: np.ndarray, *, gain: float = 4.0) -> np.ndarray:
+    """Where two pictures of one size differ, as heat; ``gain`` makes small differences visible."""
+    first, second = as_bgr(first), as_bgr(second)
+    if first.shape != second.shape:
+        raise LanelibError(f"two pictures of one size are needed, found {first.shape} and {second.shape}")
+    return heat(cv2.absdiff(first, second).max(axis=2), top=255 / gain)
+
+
+def draw_points(picture: np.ndarray, xy, colour: str = "paint", *, radius_px: float = 2.0, weights=None) -> np.ndarray:
+    """Dots at ``xy`` (N, 2); with ``weights`` (N,) 0..1 fainter where less. Points outside or not finite are left out."""
+    picture, points = _copy(picture), np.asarray(xy, float).reshape(-1, 2)
+    weights = np.ones(len(points)) if weights is None else np.asarray(weights, float)
+    top, colours = _scaled(picture), np.array(bgr(colour), float)
+    for (x, y), weight in zip(points, weights, strict=True):
+        if np.isfinite(x + y) and abs(x) < 2e4 and abs(y) < 2e4:
+            shade = tuple((colours * (0.35 + 0.65 * min(max(weight, 0.0), 1.0))).tolist())
+            cv2.circle(picture, (round(x * 16), round(y * 16)), round(radius_px * top * 16), shade, -1, cv2.LINE_AA, 4)
+    return picture
+
+
+def draw_line(picture: np.ndarray, xy, colour: str = "accent", *, width_px: float = 2.0, dashed: bool = False, closed: bool = False,
+              outline: bool = False) -> np.ndarray:
+    """A smooth line through ``xy`` (N, 2); ``outline`` puts a dark edge around it, so that it shows on bright ground, too."""
+    picture = _copy(picture)
+    line_in_place(picture, xy, bgr(colour), width_px, dashed=dashed, closed=closed, outline=outline)
+    return picture
+
+
+def line_in_place(picture, xy, colour, width_px=2.0, *, dashed=False, closed=False, outline=False) -> None:
+    """`draw_line` into ``picture`` itself; ``colour`` as BGR."""
+    points = np.asarray(xy, float).reshape(-1, 2)
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points) < 2:
+        return
+    points = np.clip(points, -2e4, 2e4)
+    if closed:
+        points = np.concatenate([points, points[:1]])
+    pieces = [points]
+    if dashed:
+        length = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+        starts = np.arange(0, length[-1], 7 * width_px)
+        at = [np.linspace(s, min(s + 4 * width_px, length[-1]), 4) for s in starts]
+        pieces = [np.column_stack([np.interp(a, length, points[:, 0]), np.interp(a, length, points[:, 1])]) for a in at]
+    fixed = [np.round(p * 16).astype(np.int32) for p in pieces]
+    if outline:
+        cv2.polylines(picture, fixed, False, (0, 0, 0), max(1, round(width_px)) + 2, cv2.LINE_AA, 4)
+    cv2.polylines(picture, fixed, False, colour, max(1, round(width_px)), cv2.LINE_AA, 4)
+
+
+def draw_polygon(picture: np.ndarray, xy, colour: str = "trapezoid", *, opacity: float = 0.18, width_px: float = 2.0,
+                 names: bool = False) -> np.ndarray:
+    """A polygon (N, 2) with a translucent inside and a ring at each corner; ``names`` numbers the corners from 1."""
+    picture, points = _copy(picture), np.asarray(xy, float).reshape(-1, 2)
+    top = _scaled(picture)
+    Canvas.of_bgr(picture).fill([points], bgr(colour), opacity=opacity)
+    line_in_place(picture, points, bgr(colour), width_px * top, closed=True)
+    for i, (x, y) in enumerate(points, 1):
+        ring_in_place(picture, (x, y), bgr(colour), 5 * top)
+        if names:
+            put_text(picture, str(i), (x + 9 * top, y - 6 * top), bgr("text"), cap_px=12 * top, bold=True)
+    return picture
+
+
+def ring_in_place(picture, xy, colour, radius_px) -> None:
+    """A white-rimmed dot."""
+    centre = tuple(int(np.clip(round(v * 16), -3e5, 3e5)) for v in xy)
+    cv2.circle(picture, centre, round(radius_px * 16), (255, 255, 255), -1, cv2.LINE_AA, 4)
+    cv2.circle(picture, centre, round(0.68 * radius_px * 16), colour, -1, cv2.LINE_AA, 4)
+
+
+def draw_windows(view: np.ndarray, found, *, left: str = "left line", right: str = "right line") -> np.ndarray:
+    """What a search for lane pixels looked at (`search.LanePixels`), on a bird's-eye view or mask (H, W) or (H, W, 3): pixels
+    of the left and the right line, windows (faint where they held too few pixels to recentre), regions searched around."""
+    picture = _copy(view)
+    grey = cv2.cvtColor(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), cv2.COLOR_GRAY2BGR)
+    picture = cv2.convertScaleAbs(grey, alpha=0.45)  # what belongs to neither line steps back
+    canvas = Canvas.of_bgr(picture)
+    for region in found.regions:
+        canvas.fill([region], bgr("region"), opacity=0.25)
+    height, width = picture.shape[:2]
+    for xy, name in ((found.left_xy, left), (found.right_xy, right)):
+        x, y = np.round(xy).astype(int).T if len(xy) else (np.empty(0, int), np.empty(0, int))
+        inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+        picture[y[inside], x[inside]] = bgr(name)
+    top = _scaled(picture, of=720)
+    for window in found.windows:
+        corners = np.array([(window.left, window.row_top), (window.right - 1, window.row_top),
+                            (window.right - 1, window.row_bottom - 1), (window.left, window.row_bottom - 1)])
+        colour = bgr("window") if window.recentred else tuple(v // 2 for v in bgr("window"))
+        line_in_place(picture, corners, colour, 2 * top, closed=True)
+    return picture
+
+
+def draw_corners(picture: np.ndarray, corners_xy, board_wh: tuple[int, int]) -> np.ndarray:
+    """Chessboard corners in the order they were found: (N, 2), or (N, 1, 2), row by row of ``board_wh`` (columns, rows) inner corners. Each row has
+    a colour, the first corner a ring; fewer corners than the board has (not found) are plain red dots."""
+    picture, corners = _copy(picture), np.asarray(corners_xy, float).reshape(-1, 2)
+    columns, rows = board_wh
+    top = _scaled(picture)
+    if len(corners) != columns * rows:
+        return draw_points(picture, corners, "none", radius_px=4)
+    grid = corners.reshape(rows, columns, 2)
+    line_in_place(picture, corners, (255, 255, 255), 1 * top, outline=True)
+    for i, row in enumerate(grid):
+        colour = bgr(PALETTE["series"][i % len(PALETTE["series"])])
+        for x, y in row:
+            ring_in_place(picture, (x, y), colour, 5.0 * top)
+    cv2.circle(picture, tuple(np.round(corners[0] * 16).astype(int).tolist()), round(11 * top * 16), bgr("none"), max(2, round(2 * top)),
+               cv2.LINE_AA, 4)
+    return picture
+
+
+def _copy(picture: np.ndarray) -> np.ndarray:
+    """A new (H, W, 3) BGR picture to draw on."""
+    copied = as_bgr(picture)
+    return copied.copy() if np.shares_memory(copied, picture) else copied
+
+
+def _scaled(picture: np.ndarray, *, of: int = 1280) -> float:
+    """How large marks must be to look as in a picture 1280 wide; never less than 0.6."""
+    return max(picture.shape[1] if of == 1280 else picture.shape[0], 0.6 * of) / of

@@ -1,0 +1,232 @@
+"""Panels: several pictures on one dark desk, with titles, rulers and numbers.
+
+All functions take pictures (H, W, 3) uint8 BGR or masks (H, W) uint8 and give a new BGR picture.
+"""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+
+from lanelib.channels import as_bgr
+from lanelib.draw.canvas import Canvas
+from lanelib.draw.lettering import put_text, shortened, text_width, wrapped
+from lanelib.draw.marks import line_in_place
+from lanelib.draw.overlays import offset_text, overlay, radius_text, status_text
+from lanelib.draw.palette import bgr
+from lanelib.errors import LanelibError
+from lanelib.search import find_peaks, histogram
+
+GAP = 12  # between pictures, and around them
+TITLE = 24  # rows above a picture for its title
+
+
+def fitted(picture: np.ndarray, size_wh: tuple[int, int], *, stretch: bool = False) -> np.ndarray:
+    """The picture scaled to fit into ``size_wh``, centred on the desk; with ``stretch`` it fills it. Masks 0/1 become visible."""
+    picture = np.asarray(picture)
+    if picture.dtype == bool:
+        picture = picture.astype(np.uint8)
+    if picture.ndim == 2 and picture.dtype == np.uint8 and picture.size and picture.max() == 1:
+        picture = picture * np.uint8(255)
+    picture = as_bgr(picture)
+    height, width = picture.shape[:2]
+    scale = min(size_wh[0] / width, size_wh[1] / height)
+    inner = size_wh if stretch else (max(1, round(width * scale)), max(1, round(height * scale)))
+    smaller = inner[0] < width or inner[1] < height
+    scaled = cv2.resize(picture, inner, interpolation=cv2.INTER_AREA if smaller else cv2.INTER_CUBIC)
+    out = np.full((size_wh[1], size_wh[0], 3), bgr("desk"), np.uint8)
+    x, y = (size_wh[0] - inner[0]) // 2, (size_wh[1] - inner[1]) // 2
+    out[y : y + inner[1], x : x + inner[0]] = scaled
+    return out
+
+
+def side_by_side(pictures, titles=None, *, height: int | None = None, columns: int | None = None, cap_px: int = 13) -> np.ndarray:
+    """Pictures next to each other, each with its title above, all of one height (default: the lowest one's, at most 480).
+
+    ``columns``: begin a new row after so many.
+    """
+    pictures = [np.asarray(p) for p in pictures]
+    titles = list(titles) if titles is not None else [""] * len(pictures)
+    if not pictures or len(titles) != len(pictures):
+        raise LanelibError(f"a title for each picture is needed, found {len(titles)} titles and {len(pictures)} pictures")
+    height = height or min(480, *(p.shape[0] for p in pictures), 480)
+    widths = [max(1, round(p.shape[1] * height / p.shape[0])) for p in pictures]
+    columns = columns or len(pictures)
+    rows = [range(i, min(i + columns, len(pictures))) for i in range(0, len(pictures), columns)]
+    head = round(2.2 * cap_px) if any(titles) else 0
+    width = max(sum(widths[i] for i in row) + GAP * (len(row) - 1) for row in rows)
+    out = np.full((len(rows) * (height + head + GAP) + GAP, width + 2 * GAP, 3), bgr("desk"), np.uint8)
+    for r, row in enumerate(rows):
+        x, y = GAP, GAP + r * (height + head + GAP)
+        for i in row:
+            words = shortened(str(titles[i]), cap_px, widths[i])
+            put_text(out, words, (x, y + head - 0.55 * cap_px), bgr("title"), cap_px=cap_px)
+            out[y + head : y + head + height, x : x + widths[i]] = fitted(pictures[i], (widths[i], height))
+            x += widths[i] + GAP
+    return out
+
+
+# ---------------------------------------------------------------------------------------------- bird's-eye view
+def pixels_of_road(grid, points_m) -> np.ndarray:
+    """Metres (N, 2) to pixels (N, 2) of a picture of ``grid`` (`birdseye.Grid`), whatever the spacing of its rows; NaN outside."""
+    points_m = np.asarray(points_m, float).reshape(-1, 2)
+    row = np.interp(points_m[:, 1], grid.y_m[::-1], np.arange(len(grid.y_m))[::-1], left=np.nan, right=np.nan)
+    return np.column_stack([grid.column_of(points_m[:, 0]), row])
+
+
+def birdseye(view: np.ndarray, grid, *, lane=None, points_m=None, weights=None, held: bool = False, rulers: bool = True) -> np.ndarray:
+    """A bird's-eye picture of ``grid`` with metre rulers, the car's place, and where given the ``lane`` and paint points.
+
+    ``lane`` (`lane.Lane`) is drawn where it appears on the rig's flat plane; solid where paint was seen, dashed beyond.
+    ``points_m`` (N, 2) metres on that plane, ``weights`` (N,) 0..1.
+    """
+    picture = as_bgr(view).copy()
+    if picture.shape[:2] != (len(grid.y_m), len(grid.x_m)):
+        raise LanelibError(f"the view must be {len(grid.x_m)}x{len(grid.y_m)} as its grid, found {picture.shape[1]}x{picture.shape[0]}")
+    scale = max(picture.shape[0] / 720, 0.5)
+    if lane is not None:
+        y = np.geomspace(max(0.5 * grid.y_m[-1], 0.5), grid.y_m[0] * 1.5, 160)
+        for line, name in ((lane.left, "left line"), (lane.right, "right line")):
+            flat = lane.surface.flat_from_road(np.column_stack([line.x(y), y]))
+            on = pixels_of_road(grid, flat)
+            known = y <= lane.y_range_m[1]
+            colour = bgr(name)
+            line_in_place(picture, on[~known], colour, 2 * scale, dashed=True)
+            line_in_place(picture, on[known], colour, 3 * scale, outline=True, dashed=held)
+    if points_m is not None:
+        on = pixels_of_road(grid, points_m)
+        weights = np.ones(len(on)) if weights is None else np.asarray(weights, float)
+        for (u, v), weight in zip(on, weights, strict=True):
+            if np.isfinite(u + v) and weight > 0.02:
+                shade = tuple(float(c) * (0.4 + 0.6 * weight) for c in bgr("paint"))
+                cv2.circle(picture, (round(u * 16), round(v * 16)), round((0.9 + 0.9 * weight) * scale * 16), shade, -1, cv2.LINE_AA, 4)
+    if rulers:
+        _rulers(picture, grid, scale)
+        _car(picture, grid, scale)
+    return picture
+
+
+def _rulers(picture, grid, scale) -> None:
+    """Hairlines every 10 m ahead and every metre (long every 2 m) to the sides at the lower edge, with numbers."""
+    height, width = picture.shape[:2]
+    cap = max(7, round(11 * scale))
+    canvas = Canvas.of_bgr(picture)
+    step = next(s for s in (1, 2, 5, 10, 20, 50, 100) if s * 10 >= grid.y_m[0] - grid.y_m[-1])
+    for metres in np.arange(math.ceil(grid.y_m[-1] / step) * step, grid.y_m[0], step):
+        v = pixels_of_road(grid, [(0, metres)])[0, 1]
+        canvas.fill([np.array([(0, v - 0.5), (width, v - 0.5), (width, v + 0.5), (0, v + 0.5)])], (255, 255, 255), opacity=0.22)
+        if v < height - 40 * scale:
+            _tag(picture, canvas, f"{metres:g} m", (round(5 * scale), v - 4 * scale), cap)
+    for metres in np.arange(math.ceil(grid.x_m[0]), grid.x_m[-1]):
+        u = float(grid.column_of(metres))
+        tall = (9 if metres % 2 == 0 else 5) * scale
+        box = np.array([(u - 0.5, height - tall), (u + 0.5, height - tall), (u + 0.5, height), (u - 0.5, height)])
+        canvas.fill([box], (255, 255, 255), opacity=0.85)
+        if metres % 2 == 0 and abs(metres) > 0 and text_width(f"{metres:+g}", cap) / 2 < u < width - text_width(f"{metres:+g}", cap) / 2:
+            _tag(picture, canvas, f"{metres:+g}", (u, height - tall - 4 * scale), cap, align="centre")
+
+
+def _tag(picture, canvas, words, xy, cap, *, align="left") -> None:
+    """Words on a dark patch: they must be read on any ground."""
+    width = text_width(words, cap)
+    x = xy[0] - (width / 2 if align == "centre" else 0)
+    pad = 0.35 * cap
+    box = [(x - pad, xy[1] - cap - pad), (x + width + pad, xy[1] - cap - pad), (x + width + pad, xy[1] + pad), (x - pad, xy[1] + pad)]
+    canvas.fill([np.array(box)], bgr("card"), opacity=0.55)
+    put_text(picture, words, (x, xy[1]), bgr("text"), cap_px=cap)
+
+
+def _car(picture, grid, scale) -> None:
+    """An arrow at the lower edge where the car drives (x = 0)."""
+    u, bottom = float(grid.column_of(0.0)), picture.shape[0] - 1
+    arrow = np.array([(u, bottom - 24 * scale), (u + 10 * scale, bottom), (u, bottom - 6 * scale), (u - 10 * scale, bottom)])
+    canvas = Canvas.of_bgr(picture)
+    canvas.fill([(arrow - (u, bottom - 10 * scale)) * 1.35 + (u, bottom - 10 * scale)], bgr("card"))
+    canvas.fill([arrow], (255, 255, 255))
+
+
+def histogram_panel(mask: np.ndarray, size_wh: tuple[int, int], *, centre: float | None = None) -> np.ndarray:
+    """The column histogram of a bird's-eye mask (H, W) as bars, its left and right peak marked."""
+    sums = histogram(mask)
+    peaks = find_peaks(sums, centre=centre)
+    width, height = size_wh
+    out = np.full((height, width, 3), bgr("card"), np.uint8)
+    base, top = height - 3, 8
+    columns = np.arange(width)
+    values = np.interp(columns, np.linspace(0, width - 1, len(sums)), sums) / max(float(sums.max(initial=0.0)), 1.0)
+    edge = np.column_stack([columns, base - values * (base - top)])
+    canvas = Canvas.of_bgr(out)
+    canvas.fill([np.concatenate([edge, [(width - 1, base), (0, base)]])], bgr("accent"), opacity=0.55)
+    line_in_place(out, edge, bgr("accent"), 1)
+    for peak, name in zip(peaks, ("left line", "right line"), strict=True):
+        if peak is not None:
+            x = peak * (width - 1) / max(len(sums) - 1, 1)
+            line_in_place(out, [(x, top - 4), (x, base)], bgr(name), 2)
+    line_in_place(out, [(0, base + 0.5), (width, base + 0.5)], bgr("track"), 1)
+    return out
+
+
+# ---------------------------------------------------------------------------------------------- diagnostic
+def diagnostic(frame_bgr: np.ndarray, stages: dict, result, *, size_wh: tuple[int, int] = (1280, 720)) -> np.ndarray:
+    """Everything about one frame on one picture of ``size_wh`` (16:9): the overlay, mask, evidence, bird's-eye view with windows and
+    with the fit, histogram, and numbers. ``stages``: pictures by name as `lanelib.stages` gives them; missing ones stay empty."""
+    out = np.full((720, 1280, 3), bgr("desk"), np.uint8)
+
+    def place(name, title, box, *, stretch=False, picture=None):
+        x, y, w, h = box
+        put_text(out, title, (x, y - 7), bgr("label"), cap_px=10)
+        picture = stages.get(name) if picture is None else picture
+        if picture is None:
+            out[y : y + h, x : x + w] = bgr("card")
+            put_text(out, "not available", (x + w / 2, y + h / 2 + 5), bgr("track"), cap_px=10, align="centre")
+        else:
+            out[y : y + h, x : x + w] = fitted(picture, (w, h), stretch=stretch)
+
+    place("lane", "lane on the frame", (12, 30, 744, 418), picture=overlay(frame_bgr, result, text=False))
+    mask, view_mask = stages.get("mask"), stages.get("birdseye_mask")
+    place("mask", "mask of the recipe, undistorted", (12, 480, 366, 206), picture=mask)
+    place("evidence", "evidence for paint, seen from above (near: bottom)", (390, 480, 366, 206), stretch=True)
+    place("windows", "sliding windows on the mask", (768, 30, 244, 488), stretch=True)
+    place("fit", "paint points and fitted lane", (1024, 30, 244, 488), stretch=True)
+    place("histogram", "columns of the mask's lower half", (768, 550, 244, 136),
+          picture=histogram_panel(view_mask, (244, 136)) if view_mask is not None else None)
+    _numbers(out, result, (1024, 530, 244, 156))
+    put_text(out, status_line(result), (12, 709), bgr("label"), cap_px=10)
+    return out if tuple(size_wh) == (1280, 720) else fitted(out, size_wh)
+
+
+def status_line(result) -> str:
+    """Status, confidence, time and reason in one line."""
+    parts = [status_text(result.status), f"confidence {100 * result.confidence:.0f} %", f"{result.milliseconds:.1f} ms"]
+    if result.reason:
+        parts.append(str(result.reason))
+    return shortened(" · ".join(parts), 10, 1256)
+
+
+def _numbers(out, result, box) -> None:
+    """A table of what was measured, with standard deviations where they are known."""
+    x, y, w, h = box
+    out[y : y + h, x : x + w] = bgr("card")
+    colour = {"measured": "lane area", "held": "held"}.get(result.status, "left line")
+    Canvas.of_bgr(out).fill([np.array([(x, y), (x + 3, y), (x + 3, y + h - 1), (x, y + h - 1)])], bgr(colour))
+    if result.lane is None:
+        put_text(out, "no lane", (x + 16, y + 32), bgr("text"), cap_px=14, bold=True)
+        for i, words in enumerate(wrapped(str(result.reason), 10, w - 30, max_lines=5)):
+            put_text(out, words, (x + 16, y + 58 + 19 * i), bgr("label"), cap_px=10)
+        return
+    std = getattr(result.lane, "std", None) or {}
+
+    def plus(key, digits, times=1):
+        return f" ±{times * std[key]:.{digits}f}" if np.isfinite(std.get(key, np.nan)) else ""
+
+    rows = [("radius", radius_text(result.radius_m, result.curvature_1pm).removeprefix("R ")),
+            ("curvature", f"{1000 * result.curvature_1pm:+.2f}{plus('curvature_1pm', 2, 1000)} /km"),
+            ("offset", offset_text(result.offset_m).removesuffix(" of centre")),
+            ("lane width", f"{result.width_m:.2f}{plus('width_m', 2)} m"),
+            ("seen to", f"{result.lane.y_range_m[1]:.0f} m")]
+    for i, (label, value) in enumerate(rows):
+        base = y + 27 + i * 27
+        put_text(out, label, (x + 16, base), bgr("label"), cap_px=10)
+        put_text(out, value, (x + w - 12, base), bgr("text"), cap_px=11, align="right")

@@ -1,0 +1,175 @@
+"""Where results go: which file, made so that it is whole or not there, and what is said about it."""
+
+import json
+import os
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO
+
+from lanelib import datasets, rigs
+from lanelib.errors import LanelibError
+
+OUTPUT = "lanelib_output"  # folder of results of pictures that are of no data set, without -o
+
+
+class Console:
+    """What the user reads: results on stdout, what went on and what went wrong on stderr.
+
+    `to_stderr`: stdout carries JSON, so that results are said on stderr too. `quiet`: only what went wrong.
+    """
+
+    def __init__(self, *, quiet: bool = False, to_stderr: bool = False):
+        self.quiet, self._results = quiet, sys.stderr if to_stderr else sys.stdout
+
+    def result(self, text: object) -> None:
+        """What the command was asked for: tables, and where what was written."""
+        if not self.quiet:
+            self._results.write(f"{text}\n")
+
+    def note(self, text: object) -> None:
+        """What was chosen or went on."""
+        if not self.quiet:
+            sys.stderr.write(f"lanelib: {text}\n")
+            sys.stderr.flush()
+
+    def wrote(self, path: Path | None) -> None:
+        """That a file of results is there now (None and "-": nothing was to be written)."""
+        if path is not None and str(path) != "-":
+            self.result(f"wrote {path}")
+
+    def complain(self, text: object) -> None:
+        """What could not be done; one line whatever is in it."""
+        sys.stderr.write(f"lanelib: {' '.join(str(text).split())}\n")
+        sys.stderr.flush()
+
+
+@contextmanager
+def json_lines(path: Path | None, *, sources: Iterable[Path] = ()):
+    """A function that writes a row; the file has its name only when the block ends ("-": stdout, None: nowhere).
+
+    Where the block ends with an exception, a file that was there before stays as it was.
+    """
+    if path is None:
+        yield lambda row: None
+        return
+    if str(path) == "-":
+        yield lambda row: _write_row(sys.stdout, row)
+        return
+    special = path.exists() and not path.is_file() and not path.is_dir()  # /dev/null, a named pipe: nothing to rename
+    if not special:
+        check_place(path, sources=sources)
+    part = path if special else path.with_name(f".{path.name[:200]}.{os.getpid()}.part")
+    with _says_where(path):
+        file = part.open("w", encoding="utf-8")
+
+    def write(row: dict) -> None:
+        with _says_where(path):
+            _write_row(file, row)
+
+    try:
+        yield write
+        with _says_where(path):
+            file.close()
+            if not special:
+                os.replace(part, path)
+    finally:
+        with suppress(OSError):
+            file.close()
+        if not special:
+            part.unlink(missing_ok=True)
+
+
+@contextmanager
+def _says_where(path: Path):
+    """An error of the system while `path` is written, as one line."""
+    try:
+        yield
+    except OSError as error:
+        raise LanelibError(f"{path}: needed a place for the results, found: {error.strerror}; choose another") from None
+
+
+def _write_row(file: IO[str], row: dict) -> None:
+    file.write(json.dumps(row, allow_nan=False) + "\n")
+
+
+def check_place(path: Path, *, sources: Iterable[Path] = ()) -> None:
+    """LanelibError, before any work is done, where `path` cannot be written or is one of the files that are read."""
+    if path.is_dir():
+        raise LanelibError(f"{path}: needed the name of a file to write, found a folder; name a file in it")
+    if not path.parent.is_dir():
+        raise LanelibError(f"{path}: needed an existing folder for the output, found none; make {path.parent}")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise LanelibError(
+            f"{path}: needed a folder with write permission, found none on {path.parent}; choose another"
+        )
+    refuse_same(path, sources)
+
+
+def refuse_same(out: Path, sources: Iterable[Path]) -> None:
+    """LanelibError where `out` is one of the files that are read."""
+    if out.exists() and any(source.exists() and os.path.samefile(out, source) for source in sources):
+        raise LanelibError(
+            f"{out}: needed another file for the output than for the input, found the same; choose another -o"
+        )
+
+
+def make_folder(folder: Path) -> None:
+    """Make the folder with those above it; LanelibError where that cannot be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise LanelibError(
+            f"{folder}: needed a folder for the output, found: {error.strerror}; choose another -o"
+        ) from None
+
+
+def _folder_for(path: Path, given: Path | None, kind: str) -> Path:
+    """Where results of `path` go: -o, else the output folder of its data set, else OUTPUT."""
+    if given is not None:
+        return given
+    found = rigs.set_of(path)
+    return getattr(found, kind) if found else Path(OUTPUT)
+
+
+def picture_output(path: Path, given: Path | None, *, alone: bool) -> Path:
+    """Name of the overlay of a picture: in the folder `given` or the usual one; of a picture `alone` also the name itself."""
+    if given is not None and alone and given.suffix.lower() in datasets.PICTURE_SUFFIXES and not given.is_dir():
+        return given
+    return _folder_for(path, given, "output_images") / f"{path.stem}.jpg"
+
+
+def video_output(path: Path, given: Path | None) -> Path:
+    """Name of the result of a video: `given`, or in the folder `given` or the usual one."""
+    if given is not None and given.suffix.lower() in datasets.VIDEO_SUFFIXES and not given.is_dir():
+        return given
+    return _folder_for(path, given, "output_videos") / f"{path.stem}.mp4"
+
+
+def free_name(path: Path, taken: set[Path]) -> Path:
+    """`path`, or NAME-2, NAME-3 … where this run has written that name already."""
+    free, n = path, 1
+    while free in taken:
+        n += 1
+        free = path.with_name(f"{path.stem}-{n}{path.suffix}")
+    taken.add(free)
+    return free
+
+
+def raw_names(paths: list[Path]) -> list[str]:
+    """`raw_file` of each picture: the file's name, or the path as given where several have that name."""
+    names = [path.name for path in paths]
+    return [path.as_posix() if names.count(path.name) > 1 else path.name for path in paths]
+
+
+def with_folders(paths: Iterable[Path]) -> Iterator[Path]:
+    """Files as they are, folders as the pictures in them in natural order."""
+    for path in paths:
+        if not path.is_dir():
+            yield path
+            continue
+        inside = [p for p in path.iterdir() if p.suffix.lower() in datasets.PICTURE_SUFFIXES and p.is_file()]
+        if not inside:
+            raise LanelibError(f"{path}: needed a folder with chessboard pictures, found none in it; check the name")
+        yield from sorted(inside, key=lambda p: datasets.natural_key(p.name))

@@ -1,0 +1,189 @@
+"""Rig: a camera and how it sees the road, in one file; View: a rig made ready for one frame size.
+
+The finder's order warps first: ``View.scan`` takes the raw frame through one look-up table, distortion and
+homography together, straight to a
+small bird's-eye view (385 x 136), so that nothing is ever computed on pixels that no one looks at.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from lanelib.birdseye import BirdsEye, Grid
+from lanelib.camera import Camera
+from lanelib.errors import LanelibError
+from lanelib.jointfit import JointFit, Points
+from lanelib.lane import Lane
+from lanelib.paint import PaintPoints, paint_points
+
+RIG_FORMAT = "lanelib-rig/1"
+SCAN_COLUMN_M, SCAN_REACH_M, SCAN_ROWS = 0.05, 9.6, 136  # chosen by accuracy against truth: see notebook 07
+FAR_ROW_M = 10.0  # the farthest scan row is where one pixel of a 1280-wide frame covers 10 m of road
+FARTHEST_M = 160.0  # beyond, a pixel row of a 1280-wide frame covers more than 15 m of road
+# lines are reported to twice the distance of the last paint: half the way that is left to the horizon in the picture
+EXTEND = 2.0
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A camera and how it sees the road: everything the finder must know, and nothing about the road itself. One
+    readable file."""
+
+    camera: Camera
+    birdseye: BirdsEye
+    name: str = "rig"
+    notes: str = ""
+
+    @property
+    def size_wh(self) -> tuple[int, int]:
+        """Width and height of the frames the rig is for, px."""
+        return self.camera.size_wh
+
+    @cached_property
+    def mounting(self) -> dict:
+        """height_m, pitch_deg, yaw_deg, roll_deg of the camera."""
+        return self.birdseye.mounting(self.camera)
+
+    @cached_property
+    def near_m(self) -> float:
+        """Distance of the road that the middle of the lowest row shows."""
+        w, h = self.size_wh
+        return float(self.birdseye.road_from_points(self.camera.undistort_points([[(w - 1) / 2, h - 1.0]]))[0, 1])
+
+    @cached_property
+    def scan_grid(self) -> Grid:
+        """The small bird's-eye view the finder works on: 5 cm columns; rows closer together far away, where they
+        are worth more: equal steps of 1/sqrt(y), between equal metres and equal pixels of the frame."""
+        focal_720p = self.camera.camera_matrix[1, 1] * 1280 / self.size_wh[0]
+        far = math.sqrt(FAR_ROW_M * focal_720p * self.mounting["height_m"])
+        if not 0 < self.near_m < far:
+            raise LanelibError(
+                f"the rig {self.name!r} sees no road: its lowest row looks {self.near_m:.1f} m ahead; make the rig again"
+            )
+        n = int(round(SCAN_REACH_M / SCAN_COLUMN_M))
+        rows = np.linspace(1 / math.sqrt(far), 1 / math.sqrt(self.near_m), SCAN_ROWS) ** -2
+        return Grid(np.arange(-n, n + 1) * SCAN_COLUMN_M, rows)
+
+    def scaled(self, size_wh) -> Rig:
+        """The same rig for another resolution of the same camera; LanelibError where the aspect ratio differs."""
+        if tuple(size_wh) == tuple(self.size_wh):
+            return self
+        return replace(self, camera=self.camera.scaled(size_wh), birdseye=self.birdseye.scaled(size_wh))
+
+    def to_dict(self) -> dict:
+        """The file's content (see docs/ARCHITECTURE.md)."""
+        return {
+            "format": RIG_FORMAT,
+            "name": self.name,
+            "camera": self.camera.to_dict(),
+            "road_from_image": self.birdseye.road_from_image.tolist(),
+            "notes": self.notes,
+        }
+
+    @classmethod
+    def from_dict(cls, numbers: dict) -> Rig:
+        """The inverse of ``to_dict``; LanelibError, KeyError, TypeError or ValueError for what is none."""
+        camera = Camera.from_dict(numbers["camera"])
+        birdseye = BirdsEye(np.array(numbers["road_from_image"], float), camera.size_wh)
+        return cls(camera, birdseye, str(numbers.get("name", "rig")), str(numbers.get("notes", "")))
+
+    def save(self, path) -> Path:
+        """Write the rig as JSON, under a temporary name first; LanelibError where that cannot be."""
+        path = Path(path)
+        part = path.with_name(path.name + ".part")
+        try:
+            part.write_text(json.dumps(self.to_dict(), indent=1) + "\n")
+            os.replace(part, path)
+        except OSError as error:
+            raise LanelibError(f"cannot write the rig {path}: {error.strerror}; choose another place") from None
+        return path
+
+    @classmethod
+    def load(cls, path) -> Rig:
+        """Read a rig file; LanelibError, one line, for anything that is none."""
+        path = Path(path)
+        try:
+            numbers = json.loads(path.read_text())
+            if numbers["format"] != RIG_FORMAT:
+                raise KeyError(numbers["format"])
+            return cls.from_dict(numbers)
+        except OSError as error:
+            raise LanelibError(f"cannot read the rig {path}: {error.strerror}; make one with `lanelib rig`") from None
+        except LanelibError as error:
+            raise LanelibError(f"{path}: {error}") from None
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            raise LanelibError(f"{path} is not a rig file ({RIG_FORMAT}); make one with `lanelib rig`") from None
+
+
+class View:
+    """A rig prepared for one frame size: the look-up table and the geometry of the scan grid, computed once."""
+
+    def __init__(self, rig: Rig):
+        self.rig, self.grid = rig, rig.scan_grid
+        self._table = rig.birdseye.table(rig.camera, self.grid)
+        self.height_m = rig.mounting["height_m"]
+        # in pixels of a 1280-wide frame
+        self.focal_px = float(rig.camera.camera_matrix[0, 0] * 1280 / rig.size_wh[0])
+
+    @cached_property
+    def _undistorted_table(self):
+        camera = self.rig.camera
+        return self.rig.birdseye.table(replace(camera, distortion=np.zeros(5)), self.grid)
+
+    @cached_property
+    def metric(self) -> BirdsEye:
+        """The rig's view of the road as a map with equal steps, as it is shown to people and searched by windows."""
+        return replace(
+            self.rig.birdseye,
+            grid=Grid.uniform(x_range_m=(-6, 6), y_range_m=(max(2.0, self.rig.near_m - 0.5), 40), size_wh=(480, 720)),
+        )
+
+    def scan(self, frame: np.ndarray) -> np.ndarray:
+        """The small bird's-eye view of a frame as given."""
+        return cv2.remap(frame, *self._table, cv2.INTER_LINEAR)
+
+    def scan_undistorted(self, picture: np.ndarray) -> np.ndarray:
+        """The same of an undistorted picture or mask."""
+        return cv2.remap(picture, *self._undistorted_table, cv2.INTER_LINEAR)
+
+    def points(self, paint: PaintPoints) -> Points:
+        """Paint points of a scan as the joint fit wants them."""
+        inverse = 1 / self.grid.y_m[paint.row]
+        return Points(
+            self.grid.x_of(paint.column) * inverse,
+            inverse,
+            paint.row,
+            paint.weight,
+            self.focal_px,
+            self.height_m,
+            len(self.grid.y_m),
+            paint.yellow,
+        )
+
+    def points_of_mask(self, mask: np.ndarray) -> Points:
+        """Points of a 0/255 mask on the scan grid: the middles of what is white."""
+        z = cv2.blur(mask.astype(np.float32), (5, 3)) * (6.0 / 255)
+        return self.points(paint_points(z))
+
+    def lane(self, fit: JointFit) -> Lane:
+        """A fit as two lines in metres."""
+        return fit.lane(self.rig.near_m, self.grid.y_m)
+
+    def lines_px(self, lane: Lane, *, count: int = 64) -> tuple[np.ndarray, np.ndarray]:
+        """Both lines in pixels of the frame as given, from the lower edge to where the lane is known."""
+        near, far = 0.8 * self.rig.near_m, min(EXTEND * lane.y_range_m[1], FARTHEST_M)
+        y = 1 / np.linspace(1 / near, 1 / max(far, 2 * near), count)
+        lines = []
+        for line in (lane.left, lane.right):
+            flat = lane.surface.flat_from_road(np.column_stack([line.x(y), y]))
+            pixels = self.rig.camera.distort_points(self.rig.birdseye.points_from_road(flat))
+            lines.append(pixels[np.isfinite(pixels).all(axis=1)])
+        return lines[0], lines[1]

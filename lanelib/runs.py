@@ -1,0 +1,128 @@
+"""One picture or one video, from file to file: read, find the lane, draw, write, and count what was found."""
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from lanelib import draw
+from lanelib.errors import LanelibError
+from lanelib.finder import LaneFinder, LaneResult, Rig
+from lanelib.pictures import write_image
+from lanelib.pipeline import Summary, process_video
+from lanelib.stages import stages as all_stages
+
+VIEWS = ("overlay", "diagnostic", "birdseye")
+STATUSES = ("measured", "held", "none")
+
+
+@dataclass
+class Tally:
+    """What became of the frames of one picture folder or video. It grows with `add`, by two numbers a frame."""
+
+    name: str
+    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(STATUSES, 0))
+    confidences: list[float] = field(default_factory=list)
+    milliseconds: list[float] = field(default_factory=list)
+    began_s: float = field(default_factory=time.perf_counter)
+
+    def add(self, result: LaneResult) -> None:
+        """Count one frame."""
+        self.counts[result.status] += 1
+        self.confidences.append(result.confidence)
+        self.milliseconds.append(result.milliseconds)
+
+    @property
+    def frames(self) -> int:
+        """How many frames were counted."""
+        return len(self.confidences)
+
+    def row(self) -> list[str]:
+        """Name, frames, measured, held, none, median confidence, median ms to find the lane, seconds since the begin."""
+        medians = [
+            f"{statistics.median(v):.{n}f}" if v else "-" for v, n in ((self.confidences, 2), (self.milliseconds, 1))
+        ]
+        seconds = time.perf_counter() - self.began_s
+        return [self.name, str(self.frames), *(str(self.counts[s]) for s in STATUSES), *medians, f"{seconds:.1f}"]
+
+    def __str__(self) -> str:
+        """The lane's part of a summary in one line."""
+        return "lane " + ", ".join(f"{name} {n}" for name, n in self.counts.items())
+
+
+TALLY_HEAD = ["", "frames", "measured", "held", "none", "confidence", "ms a frame", "s in all"]
+
+
+def run_picture(
+    frame: np.ndarray, finder: LaneFinder, out: Path, *, stages: bool = False
+) -> tuple[LaneResult, list[Path]]:
+    """The lane in one picture (H, W, 3) BGR, drawn to `out`; with `stages` also every intermediate picture beside it.
+
+    They are numbered in the order of the pipeline. Returns the result and what was written.
+    """
+    result = finder.process(frame)
+    wrote = [write_image(out, draw.overlay(frame, result))]
+    if stages:
+        pictures = all_stages(frame, finder, result)
+        pictures["diagnostic"] = draw.diagnostic(frame, pictures, result)
+        for number, (name, picture) in enumerate(list(pictures.items())[1:], 1):  # the first is the frame itself
+            wrote.append(write_image(out.with_name(f"{out.stem}_{number}_{name}.jpg"), picture))
+    return result, wrote
+
+
+def run_video(
+    path: Path,
+    out: Path | None,
+    rig: Rig,
+    *,
+    recipe: str = "paint",
+    view: str = "overlay",
+    start_s: float = 0.0,
+    end_s: float | None = None,
+    preset: str = "veryfast",
+    write_row: Callable[[dict], None] = lambda row: None,
+    on_progress: Callable[[int, int], None] | None = None,
+) -> tuple[Summary, Tally]:
+    """The lane followed through one video, drawn to `out` (None: nowhere); `write_row` gets a row of each frame, whose
+    `raw_file` is `NAME.mp4:000123`, counted from the begin of the file."""
+    finder, tally = LaneFinder(rig, recipe=recipe), Tally(path.name)
+
+    def step(frame: np.ndarray, index: int, time_s: float) -> np.ndarray | None:
+        result = finder.process(frame)
+        tally.add(result)
+        write_row(result.to_row(f"{path.name}:{index:06d}"))
+        return None if out is None else picture_of(view, frame, result, finder)
+
+    summary = process_video(
+        path, step, output=out, start_s=start_s, end_s=end_s, on_progress=on_progress, preset=preset
+    )
+    if not summary.frames_in:
+        raise LanelibError(f"{path}: needed frames from {start_s:g} s on, found none; choose another section")
+    return summary, tally
+
+
+def picture_of(view: str, frame: np.ndarray, result: LaneResult, finder: LaneFinder) -> np.ndarray:
+    """The picture of one frame in one of `VIEWS`; the frame (H, W, 3) BGR may be drawn upon."""
+    if view == "diagnostic":
+        return draw.diagnostic(frame, all_stages(frame, finder, result), result)
+    if view == "birdseye":
+        return all_stages(frame, finder, result)["fit"]
+    return draw.overlay_bgr(frame, result)
+
+
+def describe(result: LaneResult) -> str:
+    """A result in words, on one line."""
+    if not result:
+        return f"no lane: {result.reason}"
+    radius = result.radius_m
+    side = "right" if result.offset_m > 0 else "left"
+    bend = "straight"
+    if radius is not None and np.isfinite(radius):
+        bend = f"radius {radius:.0f} m to the {'left' if result.curvature_1pm > 0 else 'right'}"
+    return (
+        f"{result.status}, {bend}, {abs(result.offset_m):.2f} m {side} of centre, lane {result.width_m:.2f} m wide, "
+        f"confidence {result.confidence:.2f}"
+    )
