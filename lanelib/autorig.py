@@ -24,10 +24,13 @@ import numpy as np
 
 from lanelib.birdseye import BirdsEye, angles_from_vanishing_point
 from lanelib.camera import Camera
+from lanelib.channels import as_bgr
 from lanelib.errors import LanelibError
-from lanelib.finder import SCAN_COLUMN_M, LaneFinder, LaneResult, Rig, as_bgr
+from lanelib.finder import LaneFinder
 from lanelib.jointfit import BEND, HEADING, PITCH, UNKNOWN_ROAD, WIDTH, distance, line_x, supported_rows
 from lanelib.paint import PAINT_WIDTH_M, paint_channels, paint_evidence, ridge_response, weight_of
+from lanelib.result import LaneResult
+from lanelib.rig import SCAN_COLUMN_M, Rig
 
 LANE_WIDTH_M = 3.7  # 12 ft, US motorways (AASHTO Green Book)
 HFOV_DEG = 60.0  # dashboard cameras look 50-70 degrees wide when their pictures are cropped to 16:9; only lengths along the road depend on it
@@ -213,7 +216,7 @@ def both_lines(results: list[LaneResult]) -> list[LaneResult]:
 
 def empty_inside(finder: LaneFinder, frame_bgr: np.ndarray, result: LaneResult) -> float:
     """1 for a lane without a third line between its two, 0.4 for one with: then it is two lanes, and the rig half as high as true."""
-    points, mean = finder.points(frame_bgr, finder.view(result.size_wh)), result.fit.mean
+    (points, _), mean = finder.points(frame_bgr, finder.view(result.size_wh)), result.fit.mean
     inside = np.zeros(7)
     inside[WIDTH] = 1
     supports = [supported_rows(points, mean + inside * (2 * x - mean[WIDTH]))[0].sum(axis=1).max()
@@ -241,9 +244,9 @@ def tried(rig: Rig, frames: list[np.ndarray]) -> tuple[float, Rig]:
     value, finder = 0.0, LaneFinder(rig, track=False)
     for frame in frames:
         result = finder.process(frame)
-        if result:  # an easy frame has an energy of 100; the root, so that no frame decides alone
-            weaker = float(result.fit.support.sum(axis=1).min())
-            value += math.sqrt(result.fit.energy) / 10 * result.confidence * min(1, weaker / BOTH_LINES_ROWS) * empty_inside(finder, frame, result)
+        if result:  # an easy frame has 100 rows of paint; the root, so that no frame decides alone
+            rows = result.fit.support.sum(axis=1)
+            value += math.sqrt(rows.sum() / 100) * result.confidence * min(1, rows.min() / BOTH_LINES_ROWS) * empty_inside(finder, frame, result)
     return value / len(frames) * math.sqrt(height_prior(rig.mounting["height_m"])), rig
 
 

@@ -1,7 +1,7 @@
 """The command line: `python -m lanelib …`, installed as `lanelib`.
 
-This file knows how a command may end, `arguments.py` what it may be given, `commands.py` what it does. What the user gave
-and cannot be used is one line on stderr and exit code 2; a fault of lanelib itself is one line and exit code 1
+This file knows how a command may end, `arguments.py` what it may be given, `commands.py` what it does. What the user
+gave and cannot be used is one line on stderr and exit code 2; a fault of lanelib itself is one line and exit code 1
 (LANELIB_DEBUG=1 shows where).
 """
 

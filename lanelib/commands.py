@@ -1,7 +1,7 @@
 """What each command of the command line does. Here files meet functions; `arguments.py` says what may be given.
 
-Every command takes the parsed arguments and a `Console`, and returns the exit code: 0, or 2 where some of the input could
-not be used and the rest was done.
+Every command takes the parsed arguments and a `Console`, and returns the exit code: 0, or 2 where some of the input
+could not be used and the rest was done.
 """
 
 import argparse
@@ -51,7 +51,7 @@ def calibrate(args: argparse.Namespace, console: Console) -> int:
 
 
 def calibration_report(found) -> Iterator[str]:
-    """Lines about a `calibration.Calibration`: every board, the overall error, the intrinsics with standard deviations."""
+    """Lines about a `calibration.Calibration`: every board, the overall error, the intrinsics and their deviations."""
     from lanelib.evaluate import table
 
     rows = [["picture", "corners", "rms px", "used", "remark"]]

@@ -23,7 +23,8 @@ def fold_radius(coefficients: np.ndarray) -> float:
     """
     k1, k2, _, _, k3 = coefficients
     # d/dr (r + k1 r^3 + k2 r^5 + k3 r^7) = 1 + 3 k1 s + 5 k2 s^2 + 7 k3 s^3 with s = r^2
-    roots = np.roots([7 * k3, 5 * k2, 3 * k1, 1.0])
+    slope = np.array([7 * k3, 5 * k2, 3 * k1, 1.0])
+    roots = np.roots(np.where(np.abs(slope) < 1e-12, 0, slope))  # so small a term folds nothing within r = 1000
     s = roots[(np.abs(roots.imag) < 1e-9 * (1 + np.abs(roots))) & (roots.real > 0)].real
     return math.sqrt(s.min()) if s.size else math.inf
 

@@ -115,7 +115,8 @@ def fetch(
     already = tuple(path for path, sha256 in wanted.items() if _is_right(root / path, sha256))
     missing = {path: sha256 for path, sha256 in wanted.items() if path not in set(already)}
     fetched, notes, answered = [], [], not missing
-    for source in (PackageIndex(), Repository()) if sources is None else sources:
+    sources = (PackageIndex(), Repository()) if sources is None else sources
+    for source in sources:
         if not missing:
             break
         try:
@@ -124,7 +125,8 @@ def fetch(
             answered = True
         except LanelibError as error:
             notes.append(str(error))
-            say(str(error))
+            if source is not sources[-1]:  # the last one's reason is in the error
+                say(str(error))
         arrived = {file.path for file in fetched}
         missing = {path: sha256 for path, sha256 in missing.items() if path not in arrived}
     if not answered:

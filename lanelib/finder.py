@@ -17,7 +17,9 @@ import numpy as np
 
 from lanelib import jointfit, threshold, windows
 from lanelib.channels import as_bgr
+from lanelib.doubleline import inward
 from lanelib.errors import LanelibError
+from lanelib.hypotheses import hypotheses
 from lanelib.jointfit import JointFit, Points
 from lanelib.lane import Check, Lane, check_lane
 from lanelib.paint import paint_channels, paint_evidence, paint_points
@@ -118,13 +120,13 @@ class LaneFinder:
             self._track(points, view) if self.track and self.tracker.fit is not None else self._search(points, view)
         )
         if fit is not None:
-            fit = replace(fit, inward_m=jointfit.inward(fit, picture, view.grid))
+            fit = replace(fit, inward_m=inward(fit, picture, view.grid))
         return fit, reason, checks
 
     def _search(self, points: Points, view: View):
         """The best lane anywhere, as before the first frame."""
         prior = self.tracker.background
-        fits = [jointfit.fit(points, start, prior=prior) for start in jointfit.hypotheses(points, prior=prior)]
+        fits = [jointfit.fit(points, start, prior=prior) for start in hypotheses(points, prior=prior)]
         return self._judge(max(fits, key=lambda f: f.energy, default=None), view)
 
     def _track(self, points: Points, view: View):

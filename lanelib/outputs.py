@@ -134,7 +134,7 @@ def _folder_for(path: Path, given: Path | None, kind: str) -> Path:
 
 
 def picture_output(path: Path, given: Path | None, *, alone: bool) -> Path:
-    """Name of the overlay of a picture: in the folder `given` or the usual one; of a picture `alone` also the name itself."""
+    """Name of a picture's overlay: in the folder `given` or the usual one; `given` itself for a picture `alone`."""
     if given is not None and alone and given.suffix.lower() in datasets.PICTURE_SUFFIXES and not given.is_dir():
         return given
     return _folder_for(path, given, "output_images") / f"{path.stem}.jpg"

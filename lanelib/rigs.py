@@ -1,8 +1,8 @@
 """Which rig belongs to which pictures, where nobody says it.
 
 A rig describes a camera and its mounting. Pictures of a data set have the rig of their set; for others every known rig
-whose proportions fit is tried on a few frames, and the one under which the finder is most confident is taken: under a wrong
-one the lines of a lane do not come out parallel, a lane width apart, nor as narrow as paint.
+whose proportions fit is tried on a few frames, and the one under which the finder is most confident is taken: under a
+wrong one the lines of a lane do not come out parallel, a lane width apart, nor as narrow as paint.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -168,7 +168,7 @@ def frames_of_video(path: str | Path, count: int = TRIAL_FRAMES) -> list[np.ndar
 
 
 class RigChooser:
-    """The rig for each picture: the one given, that of its data set, or the known one that explains the pictures best."""
+    """The rig for each picture: the one given, that of its data set, or the known one that explains them best."""
 
     def __init__(self, given: str | None, pictures: list[Path], say: Callable[[object], None]):
         self._given = None if given is None else load_rig(given)

@@ -41,7 +41,7 @@ class Tally:
         return len(self.confidences)
 
     def row(self) -> list[str]:
-        """Name, frames, measured, held, none, median confidence, median ms to find the lane, seconds since the begin."""
+        """Name, frames, measured, held, none, median confidence, median ms to find a lane, seconds since the begin."""
         medians = [
             f"{statistics.median(v):.{n}f}" if v else "-" for v, n in ((self.confidences, 2), (self.milliseconds, 1))
         ]

@@ -10,20 +10,12 @@ from copy import copy
 
 import numpy as np
 
-from lanelib import draw, search, threshold
-from lanelib.birdseye import BirdsEye, Grid
+from lanelib import draw, windows
 from lanelib.channels import as_bgr
 from lanelib.errors import LanelibError
 from lanelib.paint import STRONG_Z, paint_evidence, paint_points
 
 NAMES = ("frame", "undistorted", "mask", "evidence", "birdseye", "birdseye_mask", "windows", "fit", "lane")
-HALF_WIDTH_M, LENGTH_M = 6.0, 40.0  # the lane and half of each neighbour; 13 dashes' periods of a motorway are 12 m each
-VIEW_WH = (360, 720)
-
-
-def map_grid(rig) -> Grid:
-    """The metric view that is shown to people: equal steps, from the nearest road the camera sees to 40 m beyond."""
-    return Grid.uniform(x_range_m=(-HALF_WIDTH_M, HALF_WIDTH_M), y_range_m=(rig.near_m, rig.near_m + LENGTH_M), size_wh=VIEW_WH)
 
 
 def stages(frame_bgr: np.ndarray, finder, result=None) -> dict[str, np.ndarray]:
@@ -36,17 +28,13 @@ def stages(frame_bgr: np.ndarray, finder, result=None) -> dict[str, np.ndarray]:
     view = finder.view((frame.shape[1], frame.shape[0]))
     rig = view.rig
     if result is None:
-        alone = copy(finder)  # shares the tables, keeps no memory of this frame
-        alone.track = False
-        result = alone.process(frame)
+        result = without_memory(finder).process(frame)
     evidence = paint_evidence(view.scan(frame), column_m=view.grid.column_m)
     undistorted = rig.camera.undistort(frame)
-    mask = threshold.RECIPES[finder.recipe].function(undistorted)
-    grid = map_grid(rig)
-    warp = BirdsEye(rig.birdseye.road_from_image, rig.birdseye.size_wh, grid).warp
-    birdseye = warp(undistorted)
-    birdseye_mask = np.where(warp(mask) > 127, np.uint8(255), np.uint8(0))
-    found = search.sliding_windows(birdseye_mask, centre=float(grid.column_of(0.0)))
+    mask = finder.recipe.function(undistorted)
+    grid = view.metric.grid
+    birdseye = view.metric.warp(undistorted)
+    birdseye_mask = np.where(view.metric.warp(mask) > 127, np.uint8(255), np.uint8(0))
     textbook = finder.order == "textbook"
     points = view.points_of_mask(view.scan_undistorted(mask)) if textbook else view.points(paint_points(*evidence))
     metres = np.column_stack([points.bearing, np.ones(len(points))]) / points.inverse[:, None]
@@ -54,7 +42,7 @@ def stages(frame_bgr: np.ndarray, finder, result=None) -> dict[str, np.ndarray]:
     return {
         "frame": frame, "undistorted": undistorted, "mask": mask,
         "evidence": draw.heat(evidence[0], top=STRONG_Z), "birdseye": birdseye, "birdseye_mask": birdseye_mask,
-        "windows": draw.draw_windows(birdseye_mask, found), "fit": fit, "lane": draw.overlay(frame, result),
+        "windows": draw.draw_windows(birdseye_mask, windows.find_pixels(birdseye_mask, grid)), "fit": fit, "lane": draw.overlay(frame, result),
     }
 
 
@@ -63,3 +51,31 @@ def stage(name: str, frame_bgr: np.ndarray, finder, result=None) -> np.ndarray:
     if name not in NAMES:
         raise LanelibError(f"a stage must be one of {', '.join(NAMES)}, found {name!r}")
     return stages(frame_bgr, finder, result)[name]
+
+
+def without_memory(finder):
+    """A finder that shares the tables of this one, looks at each frame on its own and leaves this one's state alone."""
+    alone = copy(finder)
+    alone.track = False
+    return alone
+
+
+def diagnostic(frame_bgr: np.ndarray, finder, result=None, *, size_wh: tuple[int, int] = (1280, 720)) -> np.ndarray:
+    """`draw.diagnostic` of a frame with all its stages. A frame that the rig does not fit is shown with the reason alone."""
+    if result is None:
+        result = without_memory(finder).process(frame_bgr)
+    try:
+        pictures = stages(frame_bgr, finder, result)
+    except LanelibError:
+        pictures = {}
+    return draw.diagnostic(frame_bgr, pictures, result, size_wh=size_wh)
+
+
+def birdseye(frame_bgr: np.ndarray, finder, result=None) -> np.ndarray:
+    """The metric bird's-eye view of a frame (720 rows) with rulers and the lane, and the read-out beside the road."""
+    frame = as_bgr(frame_bgr)
+    if result is None:
+        result = without_memory(finder).process(frame)
+    view = finder.view((frame.shape[1], frame.shape[0]))
+    picture = draw.birdseye(view.warp(frame), view.metric.grid, lane=result.lane, held=result.status == "held")
+    return picture

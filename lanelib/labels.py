@@ -1,0 +1,105 @@
+"""Labels and predictions of lanes: JSON lines in the TuSimple layout, or a `truth.json`.
+
+One object per frame: {"raw_file": NAME, "h_samples": [y, ...], "lanes": [[x, ...], [x, ...]]}: left and right boundary
+of the ego lane in pixels of the frame as given, -2 where a line is not seen; more keys may follow.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from lanelib.camera import Camera
+from lanelib.errors import LanelibError
+from lanelib.truth import load_truth, load_truth_camera
+
+MAX_FILE_BYTES = 500_000_000  # half a million frames; more is not a file of predictions
+
+
+def read_rows(path: str | Path) -> dict[str, dict]:
+    """JSON lines in the TuSimple layout, by `raw_file`. LanelibError names the file, the line and what is wrong."""
+    path = Path(path)
+    try:
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise LanelibError(f"{path}: needed at most {MAX_FILE_BYTES >> 20} MB of JSON lines, found more; split it")
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except OSError as error:
+        raise LanelibError(f"{path}: needed a file of JSON lines, found: {error.strerror}; check the name") from None
+    except UnicodeDecodeError:
+        raise LanelibError(f"{path}: needed JSON lines, found something that is no text; check the name") from None
+    rows = {}
+    for number, line in enumerate(lines, 1):
+        if not line.strip():
+            continue
+        try:
+            row = json.loads(line, parse_constant=_no_constant)
+            _check_row(row)
+        except (ValueError, KeyError, TypeError, RecursionError) as error:
+            what = f"{error.args[0]!r} is missing" if isinstance(error, KeyError) else error
+            raise LanelibError(f"{path}:{number}: needed an object with raw_file, h_samples, lanes: {what}") from None
+        rows[row["raw_file"]] = row
+    if not rows:
+        raise LanelibError(f"{path}: needed at least one line of JSON, found an empty file; check the name")
+    return rows
+
+
+def read_labels(path: str | Path) -> tuple[dict[str, dict], Camera | None]:
+    """Labels by `raw_file`: JSON lines, or a `truth.json` (or its folder), which brings its camera."""
+    path = Path(path)
+    folder = path if path.is_dir() else path.parent
+    if path.is_dir() or path.name == "truth.json":
+        return load_truth(folder), Camera.from_dict(load_truth_camera(folder))
+    return read_rows(path), None
+
+
+def _check_row(row: dict) -> None:
+    if not isinstance(row, dict):
+        raise ValueError("found no object")
+    if (
+        not isinstance(row["raw_file"], str)
+        or not isinstance(row["h_samples"], list)
+        or not isinstance(row["lanes"], list)
+    ):
+        raise ValueError("found raw_file that is no text, or h_samples or lanes that are no lists")
+    length = len(_finite(row["h_samples"]))
+    extra = row.get("extrap", [])
+    if any(len(_finite(line)) != length for line in [*row["lanes"], *extra]):
+        raise ValueError("found a line of another length than h_samples")
+    if "extrap" in row and len(extra) < min(len(row["lanes"]), 2):
+        raise ValueError("found an extrap of fewer lines than lanes")
+    size = _finite(row.get("size", [1280, 720]))
+    if len(size) != 2 or not size.min() > 0:
+        raise ValueError("found a size that is not [width, height]")
+
+
+def _finite(values: list) -> np.ndarray:
+    array = np.asarray(values, float)
+    if array.ndim != 1 or not np.isfinite(array).all():
+        raise ValueError("found something else than a list of finite numbers")
+    return array
+
+
+def _no_constant(text: str) -> float:
+    raise ValueError(f"found {text}, which is not a number")
+
+
+def line_points(row: Mapping, lane: int) -> tuple[np.ndarray, np.ndarray]:
+    """(y, x) of the seen points of a line, ascending in y."""
+    if lane >= len(row["lanes"]):
+        return np.empty(0), np.empty(0)
+    y, x = np.asarray(row["h_samples"], float), np.asarray(row["lanes"][lane], float)
+    seen = x >= 0
+    if "extrap" in row:  # rows in which the labeller only prolonged the line
+        seen &= np.asarray(row["extrap"][lane]) == 0
+    order = np.argsort(y[seen], kind="stable")
+    return y[seen][order], x[seen][order]
+
+
+def x_at(row: Mapping, lane: int, rows_px) -> np.ndarray:
+    """x of a line at rows, between its points only; NaN elsewhere."""
+    y, x = line_points(row, lane)
+    return (
+        np.interp(rows_px, y, x, left=math.nan, right=math.nan) if len(y) >= 2 else np.full(np.shape(rows_px), math.nan)
+    )
