@@ -110,7 +110,7 @@ def picture_points(undistorted_bgr: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     z = np.zeros(small.shape[:2], np.float32)
     for channel in paint_channels(small):
         for width in PAINT_WIDTHS_PX:
-            z = cv2.max(z, ridge_response(channel.astype(np.float32), column_m=PAINT_WIDTH_M / width))
+            z = cv2.max(z, ridge_response(channel, column_m=PAINT_WIDTH_M / width))
     z = cv2.blur(z, (3, 3))
     z[: int(HORIZON_ROWS[0] * len(z))] = 0
     row, column = np.nonzero((z[:, 1:-1] >= z[:, :-2]) & (z[:, 1:-1] > z[:, 2:]))

@@ -59,7 +59,7 @@ def calibration_report(found) -> Iterator[str]:
         grid = "-" if board.corners_wh is None else f"{board.corners_wh[0]}x{board.corners_wh[1]}"
         rms = "-" if board.rms_px is None else f"{board.rms_px:.2f}"
         rows.append([board.name, grid, rms, "yes" if board.used else "no", board.reason])
-    yield table(rows)
+    yield table(rows, left=(0, 4))
     used = [board for board in found.boards if board.used]
     corners = sum(board.corners_wh[0] * board.corners_wh[1] for board in used)
     camera = found.camera
@@ -119,7 +119,7 @@ def image(args: argparse.Namespace, console: Console) -> int:
                 out = free_name(picture_output(path, args.output, alone=len(args.pictures) == 1), taken)
                 refuse_same(out, args.pictures)
                 make_folder(out.parent)
-                result, wrote = run_picture(frame, finders[id(rig)], out, stages=args.stages)
+                result, wrote = run_picture(frame, finders[id(rig)], out, with_stages=args.stages)
                 write_row(result.to_row(raw_file))
                 more = f" and {len(wrote) - 1} stages" if len(wrote) > 1 else ""
                 console.result(f"{path}: {describe(result)}; wrote {out}{more}")

@@ -161,7 +161,7 @@ def _pictures(data_set: datasets.DataSet, rig: Rig, report: Report, console: Con
             with _goes_on(report, console):
                 frame = read_image(path)
                 rigs.check_fits(rig, frame.shape[1::-1], path)
-                result, _ = run_picture(frame, finder, data_set.output_images / f"{path.stem}.jpg", stages=True)
+                result, _ = run_picture(frame, finder, data_set.output_images / f"{path.stem}.jpg", with_stages=True)
                 tally.add(result)
                 write_row(result.to_row(path.name))
             bar(number, len(images))

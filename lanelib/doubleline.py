@@ -9,60 +9,52 @@ from __future__ import annotations
 
 import numpy as np
 
+from lanelib.birdseye import Grid
 from lanelib.jointfit import JointFit, distance, line_x
 
 # half the width of one painted line; the width from which a stripe is two lines with a gap
-SINGLE_LINE_M = (0.06, 0.25)
-PROFILE_REACH_M, PROFILE_FAR_M = 0.6, 25.0
+SINGLE_LINE_M = 0.12  # one painted line; the middle of the inner one lies half of it within the stripe's edge
+DOUBLE_FROM_M, DOUBLE_TO_M = 0.25, 0.55  # stripes of this width are two lines; a worn single one comes out up to 0.23 m
+REACH_M, FAR_M, MOST_ROWS = 0.6, 25.0, 40  # beyond 25 m the gap is finer than the pixels
+OFFSETS_M = np.arange(-24, 25) * (REACH_M / 24)
+GAP = 5  # samples, 12.5 cm: the dark gap between the two lines may fall below half height
 
 
-def stripe_width(picture: np.ndarray, x_m: np.ndarray, grid_x0_m: float, column_m: float) -> tuple[float, float, float]:
-    """Width at half height of the bright stripe that runs along ``x_m``.
+def stripe_edges(picture: np.ndarray, x_m: np.ndarray, grid: Grid) -> tuple[float, float]:
+    """Where the bright stripe along ``x_m`` begins and ends, left and right of it, in metres; equal where there is none.
 
-    ``picture`` (H, W): rows of a bird's-eye picture; ``x_m`` (H,): where the line crosses them. The rows are laid
-    on top of each other along
-    the line and averaged. Returns (left edge, right edge) relative to the line, in metres, and the contrast in
-    grey levels; zeros where no stripe is.
+    ``picture`` (H, W): rows of a bird's-eye picture of ``grid``'s columns; ``x_m`` (H,): where the line crosses them.
     """
-    step = 0.025
-    d = np.arange(-PROFILE_REACH_M, PROFILE_REACH_M + step / 2, step)
-    column = (x_m[:, None] + d[None, :] - grid_x0_m) / column_m
-    low = np.clip(column.astype(int), 0, picture.shape[1] - 2)
-    rows = np.arange(len(x_m))[:, None]
+    column = grid.column_of(x_m[:, None] + OFFSETS_M)
+    low = np.minimum(np.maximum(column.astype(np.intp), 0), picture.shape[1] - 2)
     part = column - low
-    values = picture[rows, low] * (1 - part) + picture[rows, low + 1] * part
-    profile = values.mean(axis=0)
-    outside = np.abs(d) > PROFILE_REACH_M - 0.15
-    profile = profile - np.median(profile[outside])
-    middle = np.abs(d) < 0.2
-    peak = float(profile[middle].max())
-    if peak <= 1.0:
-        return 0.0, 0.0, 0.0
-    above = profile > peak / 2
-    top = int(np.argmax(np.where(middle, profile, -np.inf)))
-    gap = int(round(0.125 / step))  # the dark gap of a double line may fall below half height: bridge it
-    left = right = top
-    while left > 0 and above[max(left - gap, 0) : left].any():
-        left -= 1
-    while right < len(d) - 1 and above[right + 1 : right + 1 + gap].any():
-        right += 1
-    return float(d[left]) - step / 2, float(d[right]) + step / 2, peak
+    index = low + np.arange(len(x_m))[:, None] * picture.shape[1]
+    flat = picture.ravel()
+    profile = (flat[index] * (1 - part) + flat[index + 1] * part).mean(axis=0)
+    profile -= np.median(profile[np.abs(OFFSETS_M) > REACH_M - 0.15])
+    top = 16 + int(np.argmax(profile[16:33]))  # within 0.2 m of the line
+    if profile[top] <= 1.0:  # grey levels: nothing there
+        return 0.0, 0.0
+    above = np.flatnonzero(profile > profile[top] / 2)
+    breaks = np.flatnonzero(np.diff(above) > GAP)
+    run = np.searchsorted(above[breaks], top) if len(breaks) else 0
+    edges = np.split(above, breaks + 1)[run]
+    half = (OFFSETS_M[1] - OFFSETS_M[0]) / 2
+    return float(OFFSETS_M[edges[0]] - half), float(OFFSETS_M[edges[-1]] + half)
 
 
-def inward(fit: JointFit, picture: np.ndarray, grid) -> tuple[float, float]:
-    """How much further in than the fitted stripes the boundaries lie (m, left and right): 0 for single lines. For
-    a double line the
-    boundary is the middle of its inner line: half a painted line within the stripe's inner edge."""
+def inward(fit: JointFit, picture: np.ndarray, grid: Grid) -> tuple[float, float]:
+    """How much further in than the fitted stripes the boundaries lie (m, left and right); 0 for single lines."""
     y = distance(1 / grid.y_m, fit.mean, fit.height_m)
     shifts = []
     for side, support in zip((-1, 1), fit.support, strict=True):
-        rows = np.flatnonzero((support > 0.4) & (y < PROFILE_FAR_M))
+        rows = np.flatnonzero((support > 0.4) & (y < FAR_M))
+        rows = rows[:: len(rows) // MOST_ROWS + 1]
         if len(rows) < 8:
             shifts.append(0.0)
             continue
         x = line_x(y[rows], fit.mean, side) / y[rows] * grid.y_m[rows]  # where the line appears on the flat plane
-        left, right, _ = stripe_width(picture[rows].astype(np.float32), x, grid.x_m[0], grid.column_m)
-        inner = right if side < 0 else -left
-        double = SINGLE_LINE_M[1] < right - left < 0.55 and inner > SINGLE_LINE_M[0]
-        shifts.append(inner - SINGLE_LINE_M[0] if double else 0.0)
+        left, right = stripe_edges(picture[rows], x, grid)
+        inner = (right if side < 0 else -left) - SINGLE_LINE_M / 2
+        shifts.append(max(inner, 0.0) if DOUBLE_FROM_M < right - left < DOUBLE_TO_M else 0.0)
     return shifts[0], shifts[1]

@@ -20,8 +20,22 @@ from lanelib.scores import (
 )
 
 __all__ = [
-    "DISTANCES_M", "ClipScore", "Evaluation", "FrameScore", "MetricScore", "PixelScore", "clip_score", "evaluate",
-    "frame_score", "lag_s", "metric_score", "pixel_score", "read_labels", "read_rows", "score", "table",
+    "DISTANCES_M",
+    "ClipScore",
+    "Evaluation",
+    "FrameScore",
+    "MetricScore",
+    "PixelScore",
+    "clip_score",
+    "evaluate",
+    "frame_score",
+    "lag_s",
+    "metric_score",
+    "pixel_score",
+    "read_labels",
+    "read_rows",
+    "score",
+    "table",
 ]
 
 
@@ -101,16 +115,20 @@ def score(labels: Mapping[str, dict], predictions: Mapping[str, dict], camera: C
 
 
 def table(rows: list[list[str]], *, left: tuple[int, ...] = (0,)) -> str:
-    """Rows of texts as a Markdown table: the first row is its head, the first column to the left, the others right."""
+    """Rows of texts as a Markdown table: the first row is its head; the columns `left` begin at the left.
+
+    >>> print(table([["name", "n"], ["a", "10"]]))
+    | name |  n |
+    |------|---:|
+    | a    | 10 |
+    """
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    lines = [
-        "| "
-        + " | ".join(t.rjust(w) if i else t.ljust(w) for i, (t, w) in enumerate(zip(row, widths, strict=True)))
-        + " |"
-        for row in rows
-    ]
-    rule = "|" + "|".join("-" * (w + 1) + (":" if i else "-") for i, w in enumerate(widths)) + "|"
-    return "\n".join([lines[0], rule, *lines[1:]])
+    rule = "|".join("-" * (w + 1) + ("-" if i in left else ":") for i, w in enumerate(widths))
+    lines = []
+    for row in rows:
+        cells = [t.ljust(w) if i in left else t.rjust(w) for i, (t, w) in enumerate(zip(row, widths, strict=True))]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join([lines[0], f"|{rule}|", *lines[1:]])
 
 
 def _pixel_head() -> list[str]:

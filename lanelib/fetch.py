@@ -114,9 +114,11 @@ def fetch(
     say = progress or (lambda line: None)
     already = tuple(path for path, sha256 in wanted.items() if _is_right(root / path, sha256))
     missing = {path: sha256 for path, sha256 in wanted.items() if path not in set(already)}
-    fetched, notes, answered = [], [], not missing
-    sources = (PackageIndex(), Repository()) if sources is None else sources
-    for source in sources:
+    fetched: list[Fetched] = []
+    notes: list[str] = []
+    answered = not missing
+    places: Sequence[Source] = (PackageIndex(), Repository()) if sources is None else sources
+    for source in places:
         if not missing:
             break
         try:
@@ -125,7 +127,7 @@ def fetch(
             answered = True
         except LanelibError as error:
             notes.append(str(error))
-            if source is not sources[-1]:  # the last one's reason is in the error
+            if source is not places[-1]:  # the last one's reason is in the error
                 say(str(error))
         arrived = {file.path for file in fetched}
         missing = {path: sha256 for path, sha256 in missing.items() if path not in arrived}

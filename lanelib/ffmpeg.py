@@ -31,8 +31,8 @@ MP4_AUDIO = frozenset({"aac", "mp3", "opus", "ac3", "eac3", "alac", "flac"})
 INDEXED = ("mov,mp4", "matroska", "avi")
 # The YUV matrices that cameras use.
 COLOR_MATRICES = frozenset({"bt709", "smpte170m", "bt470bg", "bt2020nc", "smpte240m", "fcc"})
-# Reading the header of a healthy local file takes well under a second.
-PROBE_TIMEOUT_S = 60.0
+# Reading the header of a healthy local file takes well under a second; all packets of a long one can take minutes.
+PROBE_TIMEOUT_S, PACKETS_TIMEOUT_S = 60.0, 1800.0
 
 PIXEL_FORMATS = ("bgr24", "yuv420p", "nv12")
 PIPE_BYTES = 1 << 20
@@ -98,7 +98,7 @@ def packet_times(path: Path, *, end_s: float | None = None) -> list[float]:
     # 2 s more: packets are stored in decoding order, in which a frame can stand after later ones.
     limit = [] if end_s is None else ["-t", f"{end_s + 2:.6f}"]
     out, said = _run(*limit, "-i", file_url(path), "-map", "0:V:0", "-c", "copy", "-copyts", "-start_at_zero",
-                     "-f", "framecrc", "pipe:1")
+                     "-f", "framecrc", "pipe:1", timeout_s=PACKETS_TIMEOUT_S)
     base = re.search(r"^#tb 0: (\d+)/(\d+)", out, re.MULTILINE)
     if base is None:
         raise LanelibError(f"{path}: cannot read its packets: {reason(said)}")
@@ -151,8 +151,8 @@ def exact_rate(fps: float) -> Fraction:
 
 
 def plain(line: str) -> str:
-    """A line of ffmpeg's without its `[h264 @ 0x55…] [error]` prefixes."""
-    return re.sub(r"^(\[[^\]]*\] ?)+", "", line.strip())
+    """A line of ffmpeg's from its message on, without prefixes as in `[h264 @ 0x55…] [error]`."""
+    return re.sub(r"^(\[[^\]]*\] ?)+", "", re.sub(r"^.*\[error\] ", "", line.strip()))
 
 
 def reason(said: str) -> str:
@@ -184,16 +184,18 @@ def end_process(process: "subprocess.Popen[bytes]", log_thread: threading.Thread
         part.unlink(missing_ok=True)
 
 
-def _run(*arguments: str) -> tuple[str, str]:
+def _run(*arguments: str, timeout_s: float = PROBE_TIMEOUT_S) -> tuple[str, str]:
     """Run ffmpeg on a file to the end; its standard output and what it said."""
     split = arguments.index("-i")
     command = [ffmpeg_exe(), "-hide_banner", "-nostdin", "-nostats", "-loglevel", "level+info", *arguments[:split],
                *input_options(), *arguments[split:]]
     try:
         done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False,
-                              timeout=PROBE_TIMEOUT_S, **POPEN_OPTIONS)
+                              timeout=timeout_s, **POPEN_OPTIONS)
     except subprocess.TimeoutExpired:
-        raise LanelibError(f"{arguments[split + 1]}: ffmpeg could not read it within {PROBE_TIMEOUT_S:.0f} s") from None
+        name = arguments[split + 1].removeprefix("file:")
+        raise LanelibError(f"{name}: needed a file that can be read, ffmpeg did not finish in {timeout_s:.0f} s; "
+                           "copy it to a local disk") from None
     return done.stdout.decode("utf-8", "replace"), done.stderr.decode("utf-8", "replace")
 
 

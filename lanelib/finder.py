@@ -12,7 +12,6 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
-import cv2
 import numpy as np
 
 from lanelib import jointfit, threshold, windows
@@ -22,7 +21,7 @@ from lanelib.errors import LanelibError
 from lanelib.hypotheses import hypotheses
 from lanelib.jointfit import JointFit, Points
 from lanelib.lane import Check, Lane, check_lane
-from lanelib.paint import paint_channels, paint_evidence, paint_points
+from lanelib.paint import paint_evidence, paint_points
 from lanelib.result import LaneResult, line_at_rows
 from lanelib.rig import SCAN_COLUMN_M, Rig, View
 from lanelib.tracking import LaneTracker
@@ -106,10 +105,8 @@ class LaneFinder:
         """Paint points of a frame, in the finder's or the textbook order, and the (H, W) uint8 picture in which
         they were seen."""
         if self.order == "finder":
-            scan = view.scan(frame)
-            return view.points(paint_points(*paint_evidence(scan, column_m=SCAN_COLUMN_M))), cv2.add(
-                *paint_channels(scan)
-            )
+            z, picture = paint_evidence(view.scan(frame), column_m=SCAN_COLUMN_M)
+            return view.points(paint_points(z)), picture
         mask = view.scan_undistorted(self.recipe.function(view.rig.camera.undistort(frame)))
         return view.points_of_mask(mask), mask
 
@@ -131,13 +128,9 @@ class LaneFinder:
 
     def _track(self, points: Points, view: View):
         """The lane near where the last one was; in doubt, a fresh search challenges it."""
-        fit = jointfit.fit(
-            points,
-            self.tracker.predict().mean,
-            prior=self.tracker.fit_prior(),
-            gates=jointfit.TRACK_GATES,
-            reach_m=jointfit.SEARCH_REACH_M[-1:],
-        )
+        start = self.tracker.predict().mean
+        near = jointfit.nearby(points, start, gate=2 * jointfit.TRACK_GATES[0])
+        fit = jointfit.fit(near, start, prior=self.tracker.fit_prior(), gates=jointfit.TRACK_GATES, reach_m=(140,))
         tracked = self._judge(fit, view)
         if self.tracker.is_in_doubt(fit, lost=tracked[0] is None):
             fresh = self._search(points, view)

@@ -30,7 +30,7 @@ last frame's lane.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -77,7 +77,6 @@ class Points:
     focal_px: float
     height_m: float
     n_rows: int
-    yellow: np.ndarray | None = None
 
     def __len__(self):
         return len(self.row)
@@ -104,39 +103,32 @@ class JointFit:
         mean = self.mean.copy()
         mean[CENTRE] += (self.inward_m[0] - self.inward_m[1]) / 2
         mean[WIDTH] -= sum(self.inward_m)
+        reach = [farthest_paint(s, y0_of_row, self.mean, self.height_m, near_m) for s in self.support]
+        length = max(*reach, 10.0)
+        scale = length ** -np.arange(3.0, -0.5, -1)
         lines = []
-        joint_far = max(visible_range(s, y0_of_row, self.mean, self.height_m, near_m)[1] for s in self.support)
-        for side, support in zip((-1, 1), self.support, strict=True):
-            seen = visible_range(support, y0_of_row, self.mean, self.height_m, near_m)
-            y = np.linspace(0, max(joint_far, 10.0), 24)
-            x = line_x(y, mean, side)
-            coefficients = np.polyfit(y, x, 3)
+        for i, side in enumerate((-1, 1)):
+            coefficients = (CUBIC_OF_SAMPLES @ line_x(length * SAMPLES, mean, side)) * scale
             # the line's own first-order error: x = centre + heading y + bend y^2 + rate y^3 + side width / 2
             take = np.zeros((4, 7))
-            take[3, CENTRE], take[2, HEADING], take[1, BEND], take[0, RATE], take[3, WIDTH] = 1, 1, 1, 1, side / 2
-            lines.append(Line(coefficients, seen, take @ self.covariance @ take.T, float(support.sum())))
-        std = np.sqrt(np.diag(self.covariance))
-        return Lane(
-            lines[0],
-            lines[1],
-            surface,
-            {
-                "offset_m": float(std[CENTRE]),
-                "heading_rad": float(std[HEADING]),
-                "curvature_1pm": float(2 * std[BEND]),
-                "width_m": float(std[WIDTH]),
-                "pitch_rad": float(std[PITCH]),
-            },
-        )
+            take[[3, 2, 1, 0], [CENTRE, HEADING, BEND, RATE]] = 1
+            take[3, WIDTH] = side / 2
+            covariance = take @ self.covariance @ take.T
+            lines.append(Line(coefficients, (near_m, reach[i]), covariance, float(self.support[i].sum())))
+        std = np.sqrt(np.diag(self.covariance)).tolist()
+        names = {"offset_m": CENTRE, "heading_rad": HEADING, "width_m": WIDTH, "pitch_rad": PITCH}
+        spread = {name: std[i] for name, i in names.items()} | {"curvature_1pm": 2 * std[BEND]}
+        return Lane(lines[0], lines[1], surface, spread)
 
 
-def visible_range(support, y0_of_row, mean, height_m, near_m) -> tuple[float, float]:
-    """From ``near_m`` to the distance of the farthest row with clear paint (two rows together, so that a speck
-    does not count)."""
+SAMPLES = np.linspace(0, 1, 24)  # where a parallel curve is sampled to be written as a cubic ...
+CUBIC_OF_SAMPLES = np.linalg.pinv(np.vander(SAMPLES, 4))  # ... by least squares
+
+
+def farthest_paint(support, y0_of_row, mean, height_m, near_m) -> float:
+    """Distance of the farthest row with clear paint on a line (two rows together: a speck does not count)."""
     solid = np.flatnonzero((support[:-1] > 0.25) & (support[1:] > 0.25))
-    if len(solid) == 0:
-        return near_m, near_m
-    return near_m, max(near_m, float(distance(1 / y0_of_row[solid[0]], mean, height_m)))
+    return max(near_m, float(distance(1 / y0_of_row[solid[0]], mean, height_m))) if len(solid) else near_m
 
 
 def line_x(y, mean, side):
@@ -162,8 +154,8 @@ def differ(a, b) -> bool:
     return any(abs(line_x(y, a, s) - line_x(y, b, s)) > far for s in (-1, 1) for y, far in ((6.0, 0.4), (20.0, 1.0)))
 
 
-SEARCH_GATES = (27, 27, 16, 10, 8, 6, 5, 4, 4, 4)  # widths of the biweight in standard deviations, step by step
-SEARCH_REACH_M = (35, 35, 45, 60, 80, 110, 140)  # from near to far: a bend shows its sign before its size
+SEARCH_GATES = (27, 16, 10, 7, 5, 4, 4)  # widths of the biweight in standard deviations, step by step
+SEARCH_REACH_M = (35, 45, 60, 85, 120, 140)  # from near to far: a bend shows its sign before its size
 TRACK_GATES = (9, 6, 4, 4)
 
 
@@ -192,22 +184,21 @@ def fit(
         w[:, (q0 < 1 / far) | (np.abs(slope) > 1.0)] = 0
         used = np.flatnonzero(w.any(axis=0))
         w, z, yy, ss, ph, sg = w[:, used], z[:, used], y[used], slope[used], stretch[used], sigma[used]
-        # du/dparameter for both sides: (2, 7, M)
+        # du/dparameter for both sides: (7, 2, M)
         lean = sides * (mean[WIDTH] / 2) * ss / ph  # d(offset along x) / d slope
-        jacobian = np.empty((2, 7, len(used)))
-        jacobian[:, CENTRE] = 1 / yy
-        jacobian[:, HEADING] = 1 + lean / yy
-        jacobian[:, BEND] = yy + 2 * lean
-        jacobian[:, RATE] = yy * yy + 3 * lean * yy
-        jacobian[:, WIDTH] = sides * ph / (2 * yy)
+        jacobian = np.empty((7, 2, len(used)))
+        jacobian[CENTRE] = 1 / yy
+        jacobian[HEADING] = 1 + lean / yy
+        jacobian[BEND] = yy + 2 * lean
+        jacobian[RATE] = (yy + 3 * lean) * yy
+        jacobian[WIDTH] = sides * ph / (2 * yy)
         x_slope = ss + lean * (2 * mean[BEND] + 6 * yy * mean[RATE])
-        du_dy = (x_slope - u[:, used]) / yy
-        jacobian[:, PITCH] = du_dy * -(yy * yy) / height
-        jacobian[:, HILL] = du_dy * -(yy**3) / (2 * height)
-        jacobian /= sg
-        weighted = jacobian * w[:, None, :]
-        normal = np.einsum("sim,sjm->ij", weighted, jacobian) + information
-        gradient = np.einsum("sim,sm->i", weighted, z) + information @ (prior.mean - mean)
+        jacobian[PITCH] = (u[:, used] - x_slope) * yy / height  # du/dy dy/dpitch, with dy/dpitch = -y^2 / height
+        jacobian[HILL] = jacobian[PITCH] * yy / 2
+        jacobian = (jacobian / sg).reshape(7, -1)
+        weighted = jacobian * w.ravel()
+        normal = weighted @ jacobian.T + information
+        gradient = weighted @ z.ravel() + information @ (prior.mean - mean)
         mean = mean + np.linalg.solve(normal, gradient)
         mean[RATE] = min(max(mean[RATE], -2e-4), 2e-4)
         mean[WIDTH] = min(max(mean[WIDTH], 2.0), 6.0)
@@ -217,17 +208,33 @@ def fit(
     return JointFit(mean, covariance, support, energy, height, rms)
 
 
-def energy_of(mean: np.ndarray, support: np.ndarray, prior: Prior) -> float:
-    """What a lane is worth: the paint on its lines, less what ``prior`` objects (half the squared Mahalanobis
-    distance).
+def nearby(points: Points, mean: np.ndarray, *, gate: float) -> Points:
+    """The points within ``gate`` standard deviations of either line of ``mean``: all that tracking needs."""
+    y = distance(points.inverse, mean, points.height_m)
+    off = np.minimum(*(np.abs(points.bearing - line_x(y, mean, side) / y) for side in (-1, 1)))
+    near = np.flatnonzero(off < gate * bearing_std(points))
+    return replace(
+        points,
+        bearing=points.bearing[near],
+        inverse=points.inverse[near],
+        row=points.row[near],
+        weight=points.weight[near],
+    )
 
-    The first rows of paint on a line say more than the last: ENOUGH (1 - exp(-2 rows / ENOUGH)) per line, so that
-    a lane with
-    some paint on both lines is worth more than one with all of it on one.
+
+def paint_value(rows):
+    """What ``rows`` of paint on a line are worth: the first say more than the last."""
+    return ENOUGH_ROWS * (1 - np.exp(-2 * rows / ENOUGH_ROWS))
+
+
+def energy_of(mean: np.ndarray, support: np.ndarray, prior: Prior) -> float:
+    """What a lane is worth: the paint on both lines, less what ``prior`` objects (half the squared Mahalanobis distance).
+
+    Counted line by line, so that a lane with some paint on both lines beats one with all of it on one.
     """
     difference = mean - prior.mean
-    paint = ENOUGH_ROWS * (1 - np.exp(-2 * support.sum(axis=1) / ENOUGH_ROWS))
-    return float(paint.sum() - 0.5 * difference @ np.linalg.solve(prior.covariance, difference))
+    objection = 0.5 * difference @ np.linalg.solve(prior.covariance, difference)
+    return float(paint_value(support.sum(axis=1)).sum() - objection)
 
 
 def supported_rows(points: Points, mean: np.ndarray, *, gate: float = 3.0) -> tuple[np.ndarray, float]:

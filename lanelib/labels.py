@@ -72,6 +72,9 @@ def _check_row(row: dict) -> None:
     size = _finite(row.get("size", [1280, 720]))
     if len(size) != 2 or not size.min() > 0:
         raise ValueError("found a size that is not [width, height]")
+    for key in ("offset_m", "curvature_1pm", "lane_width_m"):
+        if row.get(key) is not None and not (isinstance(row[key], int | float) and math.isfinite(row[key])):
+            raise ValueError(f"found {key} that is no number")
 
 
 def _finite(values: list) -> np.ndarray:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -24,6 +25,15 @@ STRAIGHT_1PM = 1e-4  # curvatures below this (radius above 10 km) are called str
 def radius_of(curvature_1pm: float) -> float:
     """Radius of curvature in metres; ``inf`` on a straight road."""
     return math.inf if abs(curvature_1pm) < STRAIGHT_1PM else 1 / abs(curvature_1pm)
+
+
+def horner(coefficients, y_m):
+    """The polynomial with these coefficients, highest power first, at ``y_m`` (scalar or array)."""
+    value = 0.0 if np.ndim(y_m) == 0 else np.zeros(np.shape(y_m))
+    y = y_m if isinstance(y_m, (float, int)) else np.asarray(y_m, float)
+    for c in coefficients:
+        value = value * y + c
+    return value
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,17 +53,25 @@ class Line:
     def __post_init__(self):
         object.__setattr__(self, "coefficients", np.asarray(self.coefficients, float))
 
+    @cached_property
+    def _derivatives(self) -> tuple[list[float], list[float], list[float]]:
+        """Coefficients of x, dx/dy and d2x/dy2 as plain floats: Horner's rule on them is quick for single distances."""
+        x = self.coefficients.tolist()
+        slope = [c * p for c, p in zip(x[:-1], range(len(x) - 1, 0, -1), strict=True)]
+        bend = [c * p for c, p in zip(slope[:-1], range(len(slope) - 1, 0, -1), strict=True)]
+        return x, slope, bend
+
     def x(self, y_m):
         """Lateral position in metres at distance ``y_m`` (scalar or array)."""
-        return np.polyval(self.coefficients, y_m)
+        return horner(self._derivatives[0], y_m)
 
     def slope(self, y_m=0.0):
         """dx/dy: the tangent of the angle to the car's axis, positive to the right."""
-        return np.polyval(np.polyder(self.coefficients), y_m)
+        return horner(self._derivatives[1], y_m)
 
     def curvature_1pm(self, y_m=0.0):
         """Signed curvature in 1/m, positive to the left."""
-        return -np.polyval(np.polyder(self.coefficients, 2), y_m) / (1 + self.slope(y_m) ** 2) ** 1.5
+        return -horner(self._derivatives[2], y_m) / (1 + self.slope(y_m) ** 2) ** 1.5
 
     def radius_m(self, y_m=0.0) -> float:
         """Radius of curvature in metres, ``inf`` where straight."""

@@ -48,11 +48,11 @@ def frames_from_device_or_url(
     name, say = _shown(source), on_status or (lambda _: None)
     began_s, index, failures, last = None, 0, 0, -1
     while True:
-        grabber = _Grabber(address, timeout_s)
+        grabber, connected_s = _Grabber(address, timeout_s), None
         try:
             for number, frame in grabber.frames():
                 now_s = time.monotonic()
-                if number == 0:
+                if connected_s is None:
                     say(f"{name}: connected, {frame.shape[1]}x{frame.shape[0]}")
                     connected_s = now_s
                 began_s = now_s if began_s is None else began_s
@@ -219,17 +219,17 @@ class _Grabber:
                     self._newest = (number, frame)
                     self._changed.notify_all()
                 number += 1
-        except cv2.error as error:
-            self._end(f"OpenCV says: {error.err}")
+        except Exception as error:  # whatever it is must reach the thread that waits
+            self._end(f"OpenCV says: {' '.join(str(error).split())}")
         finally:
             if capture is not None:
                 capture.release()
 
     def _open(self) -> cv2.VideoCapture:
         os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # silent; OpenCV reads it when it first needs ffmpeg
-        log = cv2.utils.logging
+        log = cv2 if hasattr(cv2, "setLogLevel") else cv2.utils.logging  # it moved in OpenCV 5
         level = log.getLogLevel()
-        log.setLogLevel(log.LOG_LEVEL_SILENT)  # what went wrong is said by the LanelibError, in one line
+        log.setLogLevel(0)  # silent: what went wrong is said by the LanelibError, in one line
         try:
             if isinstance(self._address, int):
                 return cv2.VideoCapture(self._address)

@@ -165,7 +165,6 @@ class View:
             self.focal_px,
             self.height_m,
             len(self.grid.y_m),
-            paint.yellow,
         )
 
     def points_of_mask(self, mask: np.ndarray) -> Points:
@@ -181,9 +180,8 @@ class View:
         """Both lines in pixels of the frame as given, from the lower edge to where the lane is known."""
         near, far = 0.8 * self.rig.near_m, min(EXTEND * lane.y_range_m[1], FARTHEST_M)
         y = 1 / np.linspace(1 / near, 1 / max(far, 2 * near), count)
-        lines = []
-        for line in (lane.left, lane.right):
-            flat = lane.surface.flat_from_road(np.column_stack([line.x(y), y]))
-            pixels = self.rig.camera.distort_points(self.rig.birdseye.points_from_road(flat))
-            lines.append(pixels[np.isfinite(pixels).all(axis=1)])
-        return lines[0], lines[1]
+        points = np.column_stack([np.concatenate([lane.left.x(y), lane.right.x(y)]), np.tile(y, 2)])
+        flat = lane.surface.flat_from_road(points)
+        pixels = self.rig.camera.distort_points(self.rig.birdseye.points_from_road(flat))
+        seen = np.isfinite(pixels[:, 1])
+        return pixels[:count][seen[:count]], pixels[count:][seen[count:]]

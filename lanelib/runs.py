@@ -8,12 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from lanelib import draw
+from lanelib import draw, stages
 from lanelib.errors import LanelibError
 from lanelib.finder import LaneFinder, LaneResult, Rig
 from lanelib.pictures import write_image
 from lanelib.pipeline import Summary, process_video
-from lanelib.stages import stages as all_stages
 
 VIEWS = ("overlay", "diagnostic", "birdseye")
 STATUSES = ("measured", "held", "none")
@@ -57,16 +56,16 @@ TALLY_HEAD = ["", "frames", "measured", "held", "none", "confidence", "ms a fram
 
 
 def run_picture(
-    frame: np.ndarray, finder: LaneFinder, out: Path, *, stages: bool = False
+    frame: np.ndarray, finder: LaneFinder, out: Path, *, with_stages: bool = False
 ) -> tuple[LaneResult, list[Path]]:
-    """The lane in one picture (H, W, 3) BGR, drawn to `out`; with `stages` also every intermediate picture beside it.
+    """The lane in one picture (H, W, 3) BGR, drawn to `out`; `with_stages` also every intermediate picture beside it.
 
     They are numbered in the order of the pipeline. Returns the result and what was written.
     """
     result = finder.process(frame)
     wrote = [write_image(out, draw.overlay(frame, result))]
-    if stages:
-        pictures = all_stages(frame, finder, result)
+    if with_stages:
+        pictures = stages.stages(frame, finder, result)
         pictures["diagnostic"] = draw.diagnostic(frame, pictures, result)
         for number, (name, picture) in enumerate(list(pictures.items())[1:], 1):  # the first is the frame itself
             wrote.append(write_image(out.with_name(f"{out.stem}_{number}_{name}.jpg"), picture))
@@ -107,9 +106,9 @@ def run_video(
 def picture_of(view: str, frame: np.ndarray, result: LaneResult, finder: LaneFinder) -> np.ndarray:
     """The picture of one frame in one of `VIEWS`; the frame (H, W, 3) BGR may be drawn upon."""
     if view == "diagnostic":
-        return draw.diagnostic(frame, all_stages(frame, finder, result), result)
+        return stages.diagnostic(frame, finder, result)
     if view == "birdseye":
-        return all_stages(frame, finder, result)["fit"]
+        return stages.birdseye(frame, finder, result)
     return draw.overlay_bgr(frame, result)
 
 

@@ -155,7 +155,7 @@ def _x_of_distance(line_m: list, at_m: np.ndarray) -> np.ndarray:
 
 
 def _pose_of(prediction: Mapping, road_from, *, far_m: float = 30.0) -> dict:
-    """Offset, heading, curvature and width of the predicted pixels alone: x = C_left or C_right + slope y + A y^2.
+    """Offset, heading, curvature and width of the predicted pixels alone: x = C_left or C_right + slope y + A y^2 + B y^3.
 
     Least squares over both lines to `far_m`, each point weighted with 1 / y: a pixel is y / focal length wide there.
     """
@@ -167,10 +167,10 @@ def _pose_of(prediction: Mapping, road_from, *, far_m: float = 30.0) -> dict:
         good = np.isfinite(x) & (y > 0) & (y < far_m)
         if good.sum() < 3:
             return nothing
-        design = np.column_stack([np.full(len(y), lane == 0), np.full(len(y), lane == 1), y, y**2])
+        design = np.column_stack([np.full(len(y), lane == 0), np.full(len(y), lane == 1), y, y**2, y**3])
         rows.append((design / y[:, None])[good])
         values.append((x / y)[good])
-    left, right, slope, a = np.linalg.lstsq(np.vstack(rows), np.concatenate(values), rcond=None)[0]
+    left, right, slope, a, _ = np.linalg.lstsq(np.vstack(rows), np.concatenate(values), rcond=None)[0]
     return {
         "offset_m": -(left + right) / 2,
         "lane_width_m": (right - left) / math.hypot(1, slope),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from copy import copy
 
+import cv2
 import numpy as np
 
 from lanelib import draw, windows
@@ -16,6 +17,7 @@ from lanelib.errors import LanelibError
 from lanelib.paint import STRONG_Z, paint_evidence, paint_points
 
 NAMES = ("frame", "undistorted", "mask", "evidence", "birdseye", "birdseye_mask", "windows", "fit", "lane")
+EVIDENCE_WH = (640, 360)  # the scan, 385 x 136 with rows spaced by perspective, enlarged to a frame's proportions
 
 
 def stages(frame_bgr: np.ndarray, finder, result=None) -> dict[str, np.ndarray]:
@@ -29,20 +31,21 @@ def stages(frame_bgr: np.ndarray, finder, result=None) -> dict[str, np.ndarray]:
     rig = view.rig
     if result is None:
         result = without_memory(finder).process(frame)
-    evidence = paint_evidence(view.scan(frame), column_m=view.grid.column_m)
+    z, _ = paint_evidence(view.scan(frame), column_m=view.grid.column_m)
     undistorted = rig.camera.undistort(frame)
     mask = finder.recipe.function(undistorted)
     grid = view.metric.grid
     birdseye = view.metric.warp(undistorted)
     birdseye_mask = np.where(view.metric.warp(mask) > 127, np.uint8(255), np.uint8(0))
     textbook = finder.order == "textbook"
-    points = view.points_of_mask(view.scan_undistorted(mask)) if textbook else view.points(paint_points(*evidence))
+    points = view.points_of_mask(view.scan_undistorted(mask)) if textbook else view.points(paint_points(z))
     metres = np.column_stack([points.bearing, np.ones(len(points))]) / points.inverse[:, None]
     fit = draw.birdseye(birdseye, grid, lane=result.lane, points_m=metres, weights=points.weight, held=result.status == "held")
     return {
         "frame": frame, "undistorted": undistorted, "mask": mask,
-        "evidence": draw.heat(evidence[0], top=STRONG_Z), "birdseye": birdseye, "birdseye_mask": birdseye_mask,
-        "windows": draw.draw_windows(birdseye_mask, windows.find_pixels(birdseye_mask, grid)), "fit": fit, "lane": draw.overlay(frame, result),
+        "evidence": draw.heat(cv2.resize(z, EVIDENCE_WH), top=STRONG_Z), "birdseye": birdseye, "birdseye_mask": birdseye_mask,
+        "windows": draw.draw_windows(birdseye_mask, windows.find_pixels(birdseye_mask, grid)),
+        "fit": fit, "lane": draw.overlay(frame, result),
     }
 
 
@@ -71,11 +74,15 @@ def diagnostic(frame_bgr: np.ndarray, finder, result=None, *, size_wh: tuple[int
     return draw.diagnostic(frame_bgr, pictures, result, size_wh=size_wh)
 
 
-def birdseye(frame_bgr: np.ndarray, finder, result=None) -> np.ndarray:
-    """The metric bird's-eye view of a frame (720 rows) with rulers and the lane, and the read-out beside the road."""
+def birdseye(frame_bgr: np.ndarray, finder, result=None, *, size_wh: tuple[int, int] = (1280, 720)) -> np.ndarray:
+    """The road from above with metre rulers and the lane, and the frame beside it (`draw.birdseye_beside`)."""
     frame = as_bgr(frame_bgr)
     if result is None:
         result = without_memory(finder).process(frame)
-    view = finder.view((frame.shape[1], frame.shape[0]))
-    picture = draw.birdseye(view.warp(frame), view.metric.grid, lane=result.lane, held=result.status == "held")
-    return picture
+    try:
+        view = finder.view((frame.shape[1], frame.shape[0]))
+        above = view.metric.warp(view.rig.camera.undistort(frame))
+        above = draw.birdseye(above, view.metric.grid, lane=result.lane, held=result.status == "held")
+    except LanelibError:
+        above = np.zeros((720, 480, 3), np.uint8)
+    return draw.birdseye_beside(above, frame, result, size_wh=size_wh)

@@ -32,8 +32,8 @@ STEP_STD = np.array([0.1, 0.02, 4e-4, 1.2e-5, 0.03, 0.004, 6e-5])
 CLEAR_ROWS = 6.0  # with so many rows of paint on the weaker line the tracked lane is beyond doubt ...
 # ... unless it has less paint than this share of the last second's: it may have left the prediction behind
 FADING = 0.8
-LOOK_AGAIN = 2  # in doubt, every second frame is searched afresh ...
-RIVAL_ENERGY = 3.0  # ... and another lane takes over when it is worth this much more, twice in succession
+LOOK_AGAIN = 4  # in doubt, every fourth frame is searched afresh ...
+RIVAL_ENERGY = 3.0  # ... and another lane takes over when it is worth this much more, in two frames running
 HOLD_FRAMES = 12  # half a second at 25 frames a second: longer, and the car has left what was known
 SMOOTHING = ("none", "average", "exponential", "kalman")
 
@@ -145,7 +145,7 @@ class LaneTracker:
             self._doubts, self._rival = 0, None
             return False
         self._doubts += 1
-        return self._doubts % LOOK_AGAIN == 1
+        return self._doubts % LOOK_AGAIN == 1 or self._rival is not None
 
     def is_outdone(self, tracked: JointFit, fresh: JointFit | None, *, lost: bool) -> bool:
         """Whether a fresh search found another lane that explains the frame better, for the second time in

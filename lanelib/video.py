@@ -164,8 +164,9 @@ class FrameReader:
 
     def close(self) -> None:
         """End ffmpeg; needed only when the frames were not read to the end. Harmless twice."""
-        self._close()
-        self.damage = self._log.damage(truncated=False)
+        if self._close.alive:
+            self._close()
+            self.damage = self._log.damage(truncated=False)
 
     def interrupt(self) -> None:
         """End a read that waits for ffmpeg in another thread; close() must follow."""
@@ -214,27 +215,24 @@ class _ReadingLog:
                 self._take(raw.decode("utf-8", "replace"))
 
     def _take(self, line: str) -> None:
-        if "Parsed_showinfo" in line:
-            if shown := re.search(r"\] n: *\d+ pts: *(-?\d+|NOPTS) .* s:(\d+x\d+) ", line):
-                self._times.put(None if shown[1] == "NOPTS" else int(shown[1]) * self._tick_s)
-                if self._size and self._size != shown[2]:
-                    self._note(f"frames change from {self._size} to {shown[2]}, scaled to the first size")
-                self._size = shown[2]
-            elif base := re.search(r"config in time_base: (\d+)/(\d+)", line):
-                self._tick_s = int(base[1]) / int(base[2])
+        # ffmpeg's threads write at once, and showinfo writes its lines in pieces: another thread's message can stand in
+        # the middle of such a line, without its prefix. So every sign is looked for in every line.
+        if shown := re.search(r"n: *\d+ pts: *(-?\d+|NOPTS) +pts_time:.* s:(\d+x\d+) i:", line):
+            self._times.put(None if shown[1] == "NOPTS" else int(shown[1]) * self._tick_s)
+            if self._size and self._size != shown[2]:
+                self._note(f"frames change from {self._size} to {shown[2]}, scaled to the first size")
+            self._size = shown[2]
+        elif base := re.search(r"config in time_base: (\d+)/(\d+)", line):
+            self._tick_s = int(base[1]) / int(base[2])
         elif "Stream mapping:" in line:
             self._decoding = True
-        elif "[rawvideo @" in line:
-            return  # two frames at one time: legal here
-        elif "corrupt decoded frame" in line:
-            self._corrupt += 1
-        elif "Error submitting packet" in line or "Decoding error" in line:
-            self._lost += 1
-        elif re.search(r"partial file|ended prematurely", line) or (
-            "corrupt input packet" in line and "mpegts" not in line  # half a packet: only the end of a file has that
-        ):
+        self._corrupt += line.count("corrupt decoded frame")
+        self._lost += line.count("Error submitting packet") + line.count("Decoding error")
+        half_a_packet = "corrupt input packet" in line and "mpegts" not in line  # only the end of a file has that
+        if half_a_packet or re.search(r"partial file|File ended prematurely", line):
             self._cut = True
-        if "[error]" in line and (self._decoding or "[in#" in line):
+        two_at_one_time = "[rawvideo @" in line  # legal here
+        if "[error]" in line and (self._decoding or "[in#" in line) and not two_at_one_time:
             self._note(plain(line))
 
     def _note(self, message: str) -> None:

@@ -7,17 +7,17 @@ import numpy as np
 from .tracer import diffuse, mesh
 
 LEAVES = {"type": "principledthin", "base_color": {"type": "mesh_attribute", "name": "vertex_color"},
-          "roughness": 0.55, "diff_trans": 0.7, "eta": 1.3}  # light shines through: without it leaves are black
+          "roughness": 0.55, "diff_trans": 1.0, "eta": 1.3}  # light shines through: without it leaves are black
 # height, leaf length, number of leaves, colour, trunk share, branch angle, spread of leaves about their twig, droop
 SPECIES = {
-    "oak": dict(h=9.0, leaf=0.085, n=260000, color=(0.105, 0.120, 0.045), angle=(0.55, 1.05), spread=0.060, droop=0.0, trunk=0.17),
-    "gum": dict(h=17.0, leaf=0.12, n=330000, color=(0.130, 0.135, 0.070), angle=(0.30, 0.75), spread=0.040, droop=0.5, trunk=0.24),
-    "bare": dict(h=10.0, leaf=0.09, n=45000, color=(0.150, 0.125, 0.065), angle=(0.40, 0.85), spread=0.050, droop=0.1, trunk=0.20),
+    "oak": dict(h=9.0, leaf=0.085, n=260000, color=(0.130, 0.148, 0.056), angle=(0.42, 0.95), spread=0.060, droop=0.0, trunk=0.17),
+    "gum": dict(h=17.0, leaf=0.12, n=330000, color=(0.155, 0.162, 0.084), angle=(0.28, 0.62), spread=0.040, droop=0.5, trunk=0.24),
+    "bare": dict(h=10.0, leaf=0.09, n=45000, color=(0.170, 0.145, 0.078), angle=(0.36, 0.80), spread=0.050, droop=0.1, trunk=0.20),
     "pine": dict(h=14.0, leaf=0.11, n=190000, color=(0.060, 0.080, 0.040), angle=None, spread=0.03, droop=0.1, trunk=0.1),
     "bush": dict(h=2.4, leaf=0.06, n=42000, color=(0.105, 0.115, 0.050), angle=None, spread=0.0, droop=0.0, trunk=0.0),
 }
-THINNER = (1.0, 2.5, 8.0, 26.0)  # leaves are this many times fewer (and larger) at each level of detail
-LEVEL_FROM_M = (45.0, 95.0, 200.0)  # distance at which the next level begins
+THINNER = (1.0, 2.4, 5.5, 14.0, 40.0)  # leaves are this many times fewer (and larger) at each level of detail
+LEVEL_FROM_M = (16.0, 36.0, 80.0, 170.0)  # distance at which the next level begins
 
 
 @lru_cache(maxsize=None)
@@ -48,7 +48,7 @@ def tree(species: str, variant: int, level: int):
                 q = p + direction * length / 3
                 segments.append((p, q, radius, radius * 0.88))
                 p, radius = q, radius * 0.9
-                if depth >= (2 if species != "bare" else 3):
+                if depth >= 2:
                     tips.append(p)
             if depth < 5:
                 for _ in range(3 if depth < 4 else 2):
@@ -56,17 +56,19 @@ def tree(species: str, variant: int, level: int):
                     side -= side @ direction * direction
                     side /= np.linalg.norm(side)
                     turn = rng.uniform(*sp["angle"])
-                    grow(p, direction * np.cos(turn) + side * np.sin(turn), length * rng.uniform(0.62, 0.84), radius * 0.66, depth + 1)
+                    grow(p, direction * np.cos(turn) + side * np.sin(turn), length * rng.uniform(0.66, 0.88), radius * 0.66, depth + 1)
 
         grow(np.array([0, 0, -0.2]), np.array([rng.normal(0, 0.06), rng.normal(0, 0.06), 1.0]), h * sp["trunk"], h * 0.026, 0)
     tips = np.array(tips)
     scale = h / max(tips[:, 2].max(), 1e-3)
+    drop = np.array([0, 0, -0.10 * h * (species in ("oak", "gum"))])  # crowns hang lower than their twigs
     bark_points, bark_faces = _tubes(segments, 5 if level < 2 else 3, 0 if level == 0 else 0.012 * level**2)
     # leaves come in clumps about the twigs, denser about some than about others: that makes gaps in the crown
     weight = rng.gamma(1.2 if species in ("gum", "bare") else 2.0, 1.0, len(tips))
     at = rng.choice(len(tips), n, p=weight / weight.sum())
     sd = sp["spread"] * h / scale
     centre = (tips[at] + np.clip(rng.normal(0, 1, (n, 3)), -1.7, 1.7) * sd * (0.6 + rng.random((n, 1)))) * scale
+    centre = centre + drop * rng.random((n, 1)) ** 2
     a = rng.normal(0, 1, (n, 3)) + np.array([0, 0, -2.0 * sp["droop"]])
     a /= np.linalg.norm(a, axis=1, keepdims=True)
     b = np.cross(a, rng.normal(0, 1, (n, 3)))
@@ -112,6 +114,9 @@ def tuft(variant: int):
     return points, np.arange(3 * n).reshape(-1, 3), np.repeat(np.array(color) * rng.uniform(0.6, 1.3, (n, 1)), 3, 0)
 
 
+BRIGHTER = 1.7  # a leaf that also lets light through shows only half of its albedo on either side
+
+
 class Garden:
     """Collects plants, then gives two meshes: bark and leaves."""
 
@@ -119,11 +124,11 @@ class Garden:
         self.bark, self.leaves, self.triangles = [], [], 0
 
     def plant(self, species, at, *, away_m, variant=0, size=1.0, turn=0.0, tone=1.0, simpler=0):
-        level = min(3, int(np.searchsorted(LEVEL_FROM_M, away_m)) + simpler)
+        level = min(len(THINNER) - 1, int(np.searchsorted(LEVEL_FROM_M, away_m)) + simpler)
         bark, bark_faces, leaf, leaf_faces, color = tree(species, variant, level)
         m = size * np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
         self.bark.append((bark @ m.T + at, bark_faces))
-        self.leaves.append((leaf @ m.T + at, leaf_faces, color * tone))
+        self.leaves.append((leaf @ m.T + at, leaf_faces, color * tone * BRIGHTER))
         self.triangles += len(bark_faces) + len(leaf_faces)
 
     def grass(self, at, *, variant, size):

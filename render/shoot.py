@@ -4,7 +4,7 @@ import drjit as dr
 import mitsuba_oidn
 import numpy as np
 
-from lanelib.road import CarPose, frame_truth, line_in_car_axes  # noqa: F401
+from lanelib.road import CarPose, frame_truth
 
 from .develop import develop
 from .lens import true_lens
@@ -57,7 +57,7 @@ def shoot(world, pose: CarPose, *, spp=24, seed=0, shrink=1, raw_file="", tags=(
     """(frame_bgr, truth, exposure) of one moment."""
     scene, lens = world.scene, true_lens()
     mounting = mounting or mounting_of(scene)
-    loaded = world.load(pose, time_s=time_s)
+    loaded = world.load(pose, time_s=time_s, mounting=mounting)
     m = pose.world_from_car(world.road)
     light, depth = light_of(loaded, camera_pose(m, mounting), spp=spp, seed=seed, shrink=shrink, max_depth=max_depth,
                             end_pose=None if end is None else camera_pose(end[0].world_from_car(world.road), end[1]))

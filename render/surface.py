@@ -90,10 +90,10 @@ def road_albedo(s, d, fd, fs, c):
         slab = dr.floor(s / 4.57)
         number = dr.sin(slab * 12.9898 + dr.floor((d + LANE_M / 2) / LANE_M) * 78.2) * 43758.5
         shade = 0.93 + 0.14 * (number - dr.floor(number))
-        stain = dr.clip(0.50 * tracks * (0.6 + 0.6 * streak) + 0.28 * middle * (0.8 + 0.5 * streak), 0, 0.8)
+        stain = dr.clip(0.46 * tracks * (0.6 + 0.9 * streak) + 0.34 * middle * (0.8 + 0.7 * streak) + 0.16 * streak, 0, 0.8)
         stain *= 0.75 + 0.25 * dr.clip(broad, -1, 1)
         blot = dr.clip(0.8 * broad + 0.9 * streak + 0.25 * blotch - 1.2, 0, 1) * 0.3
-        base = 0.30 * (1 + 0.08 * grain + 0.05 * coarse + 0.025 * blotch + 0.07 * streak + 0.06 * broad)
+        base = 0.265 * (1 + 0.08 * grain + 0.05 * coarse + 0.03 * blotch + 0.10 * streak + 0.09 * broad)
         base *= shade * (1 - 0.6 * dr.clip(stain, 0, 1) * oil) * (1 - blot)
         along = s + 2.28
         along = dr.abs(along - dr.floor(along / 4.57) * 4.57 - 2.28)

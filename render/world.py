@@ -11,7 +11,7 @@ import numpy as np
 from lanelib.road import CarPose, Marking, Mounting, Road
 
 from .noise import fractal, tile
-from .plants import LEAVES, Garden  # noqa: F401
+from .plants import Garden
 from .surface import procedural, road_bsdf
 from .tracer import bitmap, diffuse, glossy, grid_faces, mesh, mi, rgb
 from .vehicles import _box, car
@@ -22,7 +22,7 @@ AHEAD_M, BEHIND_M = 620.0, 45.0
 class World:
     """One built scene: `mitsuba` (loaded), `road`, and the hood's pieces. Static but for cars and the camera."""
 
-    def __init__(self, scene: dict, *, s_from=0.0, s_to=0.0, moving=()):
+    def __init__(self, scene: dict, *, s_from=0.0, s_to=0.0, moving=False):
         r = scene["road"]
         self.scene = scene
         self.road = Road(r["stations"], r["curvature"], r.get("grade"), s_min_m=s_from - BEHIND_M - 60,
@@ -37,8 +37,8 @@ class World:
         self.furniture()
         self.plants(s_from, s_to)
         self.parts.update(self.garden.meshes())
-        self.moving = list(moving)
-        for k, part in enumerate(_by_material(self.cars_at(0.0) if moving == () else [])):
+        self.group = None
+        for k, part in enumerate([] if moving else _by_material(self.cars_at(0.0))):
             self.parts[f"car{k}"] = part
 
     # --- helpers -------------------------------------------------------------------------------------------------
@@ -269,22 +269,26 @@ class World:
                 species = wood["species"][rng.integers(len(wood["species"]))]
                 self._plant(species, s, d, rng.uniform(*wood.get("size", (0.6, 1.15))), s_from, s_to, int(rng.integers(3)))
         grass = q.get("grass", {"number": 6000})
-        rng = np.random.default_rng(9)
-        n = grass["number"]
-        s = s_from + 5 + rng.uniform(0, 1, n) ** 1.5 * (s_to - s_from + 110)
-        side = rng.random(n) < grass.get("left", 0.25)
-        u = 0.3 + rng.gamma(1.3, 2.6, n)
-        d = np.where(side, self.outer[0] - u, self.outer[1] + u)
-        z = self.height(s[None], d[None])[0]
-        at = self.at(s, d, z)
-        for i in range(n):
-            self.garden.grass(at[i], variant=i % 3, size=rng.uniform(0.6, 1.5) * grass.get("size", 1.0))
+        per_cell = grass["number"] // 12  # number: tufts in the first 120 m, cells of 10 m seeded by their place
+        for cell in range(int(s_from // 10), int((s_to + 130) // 10)):
+            rng = np.random.default_rng(9000 + cell)
+            s, side = 10 * (cell + rng.random(per_cell)), rng.random(per_cell) < grass.get("left", 0.25)
+            u = 0.3 + rng.gamma(1.3, 2.6, per_cell)
+            size = rng.uniform(0.6, 1.5, per_cell) * grass.get("size", 1.0)
+            d = np.where(side, self.outer[0] - u, self.outer[1] + u)
+            z = self.height(s[None], d[None])[0]
+            at = self.at(s, d, z)
+            for i in range(int(per_cell * np.clip(1.15 - (10 * cell - s_to) / 130, 0.15, 1.0))):
+                self.garden.grass(at[i], variant=i % 3, size=size[i])
 
     def _plant(self, species, s, d, size, s_from, s_to, variant):
+        turn, tone = self.rng.uniform(0, 6.28), self.rng.uniform(0.8, 1.2)
+        if not self.s0 < s < self.s1:
+            return
         z = float(self.height(np.array([[s]]), np.array([[d]]))[0, 0])
         away = max(0.0, s - s_to) + (0 if s > s_from else s_from - s) if s_to > s_from else np.hypot(s - s_from, d)
-        self.garden.plant(species, self.at(s, d, z), away_m=away, variant=variant, size=size, turn=self.rng.uniform(0, 6.28),
-                          tone=self.rng.uniform(0.8, 1.2), simpler=self.scene.get("simpler", 0))
+        self.garden.plant(species, self.at(s, d, z), away_m=away, variant=variant, size=size, turn=turn, tone=tone,
+                          simpler=self.scene.get("simpler", 0))
 
     # --- traffic and the car the camera is in -----------------------------------------------------------------------
     def cars_at(self, time_s):
@@ -332,12 +336,19 @@ class World:
         return {"hood": mesh("hood", points[:, :3], grid_faces(80, 30), glossy(h.get("rgb", (.075, .043, .036)), .5, .5, .1, .2),
                              smooth=True)}
 
-    def load(self, pose: CarPose, *, time_s=None):
+    def load(self, pose: CarPose, *, time_s=None, mounting=None):
         """The Mitsuba scene with the hood (and, for clips, the cars) where they are at this moment."""
         m = pose.world_from_car(self.road)
         parts = dict(self.parts)
-        if self.scene.get("hood", {}).get("show", True):
-            parts.update(self.hood(m))
+        if time_s is not None:  # what stands still is put into one group, so that only the rest is built anew
+            if self.group is None:
+                lights = {k: v for k, v in parts.items() if k == "sky"}
+                self.group = mi.load_dict({"type": "shapegroup", **{k: v for k, v in parts.items() if k not in ("sky", "type")}})
+                self.parts = {"type": "scene", **lights}
+            parts = {**self.parts, "group": self.group, "still": {"type": "instance", "group": self.group}}
+        if self.scene.get("hood", {}).get("show", True):  # the bonnet moves with the camera, both sit on the same body
+            nominal = camera_pose(np.eye(4), mounting_of(self.scene))
+            parts.update(self.hood(camera_pose(m, mounting or mounting_of(self.scene)) @ np.linalg.inv(nominal)))
         if self.scene["sky"].get("kind") == "night":
             parts.update(self.headlights(m))
             parts.update(self.tail_lamps(time_s or 0.0))

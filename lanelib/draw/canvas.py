@@ -16,7 +16,7 @@ import numpy as np
 from lanelib.errors import LanelibError
 
 SHIFT = 4  # OpenCV's fixed-point coordinates: 1/16 px
-FADE_STEPS = 16  # a step of opacity then is 2 %: not seen
+FADE_STEPS, ROWS_PER_STEP = 12, 6  # a step of a lane's opacity then is 3 %: not seen
 FARTHEST_PX = 30000  # points farther out are pulled in; OpenCV's integers would wrap around
 
 # Video range ("16..235") of ITU-R BT.601, as COLOR_BGR2YUV_I420 has it; rows Y, U, V; columns B, G, R, 1 (255 at full cover)
@@ -80,25 +80,21 @@ class Canvas:
             return
         colour = self.colour(bgr)
         for plane in self.planes:
-            height, width = plane.pixels.shape[:2]
             # a pixel's centre is at integers: (x + 1/2) scale - 1/2
-            scaled = [np.clip((p + 0.5) * plane.scale - 0.5, -FARTHEST_PX, FARTHEST_PX) for p in polygons]
-            lowest, highest = np.min([p.min(axis=0) for p in scaled], axis=0), np.max([p.max(axis=0) for p in scaled], axis=0)
-            x0, y0 = np.clip(np.floor(lowest).astype(int) - 1, 0, (width, height))
-            x1, y1 = np.clip(np.ceil(highest).astype(int) + 2, 0, (width, height))
-            room = plane.pixels[y0:y1, x0:x1]
+            fixed = [_fixed(p, plane.scale) for p in polygons]
+            room, corner = _room(plane.pixels, fixed)
             if room.size == 0:
                 continue
-            fixed = [np.round((p - (x0, y0)) * (1 << SHIFT)).astype(np.int32) for p in scaled]
-            if opacity >= 1:
-                for polygon in fixed:
-                    cv2.fillPoly(room, [polygon], colour[plane.channels], cv2.LINE_AA, SHIFT)
-                continue
-            filled = room.copy()
+            bands = _bands(corner[1], room.shape[0], plane.scale, fade_rows)
+            # what must be kept to be mixed in again: all of it, or only the rows that fade
+            kept = room.copy() if opacity < 1 else room[: bands[-1][0].start].copy()
             for polygon in fixed:  # one by one: together, overlapping polygons would cancel
-                cv2.fillPoly(filled, [polygon], colour[plane.channels], cv2.LINE_AA, SHIFT)
-            for rows, part in _bands(y0, y1, plane.scale, fade_rows):
-                cv2.addWeighted(filled[rows], opacity * part, room[rows], 1 - opacity * part, 0, dst=room[rows])
+                polygon -= np.int32(corner) << SHIFT
+                cv2.fillPoly(room, [polygon], colour[plane.channels], cv2.LINE_AA, SHIFT)
+            for rows, share in bands:
+                part = opacity * share
+                if part < 1:
+                    cv2.addWeighted(room[rows], part, kept[rows], 1 - part, 0, dst=room[rows])
 
     def lay(self, layer: Layer, xy: tuple[int, int]) -> None:
         """Lay a layer with its upper left pixel at ``xy`` (even numbers, 0 and more); what does not fit is cut off."""
@@ -137,14 +133,34 @@ class Layer:
         return parts
 
 
-def _bands(y0: int, y1: int, scale: float, fade_rows) -> list[tuple[slice, float]]:
-    """Rows y0 to y1 of a plane as slices from y0, each with its share of the opacity: in steps where it fades, the rest in one."""
+def _fixed(polygon: np.ndarray, scale: float) -> np.ndarray:
+    """Pixels of the frame to OpenCV's fixed-point pixels of a plane, (N, 2) int32."""
+    points = polygon * scale + (scale - 1) / 2
+    return np.rint(np.maximum(np.minimum(points, FARTHEST_PX), -FARTHEST_PX) * (1 << SHIFT)).astype(np.int32)
+
+
+def _room(pixels: np.ndarray, fixed: list[np.ndarray]) -> tuple[np.ndarray, tuple[int, int]]:
+    """The part of a plane that polygons cover, as a view, and its upper left pixel."""
+    points = fixed[0] if len(fixed) == 1 else np.concatenate(fixed)
+    low, high = (points.min(axis=0) >> SHIFT) - 1, (points.max(axis=0) >> SHIFT) + 3
+    x0, y0 = max(int(low[0]), 0), max(int(low[1]), 0)
+    return pixels[y0 : max(int(high[1]), 0), x0 : max(int(high[0]), 0)], (x0, y0)
+
+
+def _bands(y0: int, n_rows: int, scale: float, fade_rows) -> list[tuple[slice, float]]:
+    """Rows of a part of a plane that begins at row ``y0``, as slices, each with its share of the opacity: in steps where it fades (none
+    where it does not), then the rest."""
     if fade_rows is None:
-        return [(slice(0, y1 - y0), 1.0)]
-    edges = np.clip(np.linspace(*fade_rows, FADE_STEPS + 1) * scale, y0, y1).round().astype(int) - y0
-    parts = [((i + 0.5) / FADE_STEPS, a, b) for i, (a, b) in enumerate(zip(edges[:-1], edges[1:], strict=True))]
-    parts.append((1.0, edges[-1], y1 - y0))
-    return [(slice(int(a), int(b)), share) for share, a, b in parts if b > a]
+        return [(slice(0, n_rows), 1.0)]
+    first, last = (float(row) * scale - y0 for row in fade_rows)
+    steps = max(1, min(int((last - first) / ROWS_PER_STEP), FADE_STEPS))
+    bands, begin = [], 0
+    for i in range(steps):
+        end = min(max(round(first + (i + 1) * (last - first) / steps), 0), n_rows)
+        if end > begin:
+            bands.append((slice(begin, end), (i + 0.5) / steps))
+            begin = end
+    return [*bands, (slice(begin, n_rows), 1.0)]
 
 
 def _found(frame) -> str:

@@ -141,13 +141,15 @@ def draw_corners(picture: np.ndarray, corners_xy, board_wh: tuple[int, int]) -> 
     if len(corners) != columns * rows:
         return draw_points(picture, corners, "none", radius_px=4)
     grid = corners.reshape(rows, columns, 2)
-    line_in_place(picture, corners, (255, 255, 255), 1 * top, outline=True)
+    spacing = float(np.median(np.hypot(*np.diff(grid, axis=1).reshape(-1, 2).T))) if columns > 1 else 20.0
+    radius = float(np.clip(0.15 * spacing, 1.4, 6 * top))  # small boards keep their squares visible
     for i, row in enumerate(grid):
         colour = bgr(PALETTE["series"][i % len(PALETTE["series"])])
+        line_in_place(picture, row, colour, 0.4 * radius)
         for x, y in row:
-            ring_in_place(picture, (x, y), colour, 5.0 * top)
-    cv2.circle(picture, tuple(np.round(corners[0] * 16).astype(int).tolist()), round(11 * top * 16), bgr("none"), max(2, round(2 * top)),
-               cv2.LINE_AA, 4)
+            ring_in_place(picture, (x, y), colour, radius)
+    cv2.circle(picture, tuple(np.round(corners[0] * 16).astype(int).tolist()), round(2.2 * radius * 16), bgr("none"),
+               max(1, round(0.5 * radius)), cv2.LINE_AA, 4)
     return picture
 
 

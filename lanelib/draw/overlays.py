@@ -83,12 +83,9 @@ def draw_lane(canvas: Canvas, left_px: np.ndarray, right_px: np.ndarray, *, held
         wide = np.maximum(wide * np.clip((line[:, 1] - top) / (full - top), 0.25, 1), thinnest)
         colour = mixed(bgr(name), PALE, HELD_PALER) if held else bgr(name)
         last = len(line) - 1
-        far = int(np.count_nonzero(line[:, 1] > top + LINE_FADE * (bottom - top)))  # the first point that fades
-        pieces = [(i, min(i + DASH, last)) for i in range(0, last, DASH + PAUSE)] if held else [(0, far), (far, last)]
-        near, fading = ([ribbon(line[a : b + 1], wide[a : b + 1]) for a, b in pieces if b > a and (a >= far) == beyond]
-                        for beyond in (False, True))
-        canvas.fill(near, colour)
-        canvas.fill(fading, colour, opacity=0.999, fade_rows=(top, top + LINE_FADE * (bottom - top)))
+        pieces = [(i, min(i + DASH, last)) for i in range(0, last, DASH + PAUSE)] if held else [(0, last)]
+        ribbons = [ribbon(line[a : b + 1], wide[a : b + 1]) for a, b in pieces]
+        canvas.fill(ribbons, colour, fade_rows=(top, top + LINE_FADE * (bottom - top)))
 
 
 def mixed(colour, other, part: float) -> tuple[int, ...]:
@@ -98,9 +95,9 @@ def mixed(colour, other, part: float) -> tuple[int, ...]:
 
 def ribbon(line_px: np.ndarray, width_px: np.ndarray) -> np.ndarray:
     """Outline (2 N, 2) of a line (N, 2) drawn ``width_px`` (N,) wide."""
-    along = np.gradient(line_px, axis=0)
-    length = np.maximum(np.hypot(*along.T), 1e-9)
-    across = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
+    along = np.empty_like(line_px)
+    along[1:-1], along[0], along[-1] = line_px[2:] - line_px[:-2], line_px[1] - line_px[0], line_px[-1] - line_px[-2]
+    across = along[:, ::-1] * (1, -1) / np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
     half = across * width_px[:, None] / 2
     return np.concatenate([line_px + half, (line_px - half)[::-1]])
 

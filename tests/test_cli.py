@@ -1,0 +1,485 @@
+"""The command line as a user meets it: what it writes, what it says, and how it ends on bad input and signals."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import chessboards
+import clips
+import cv2
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from lanelib import cli, commands, rigs
+from lanelib.birdseye import BirdsEye
+from lanelib.camera import Camera
+from lanelib.errors import LanelibError
+from lanelib.finder import Rig
+from lanelib.road import CarPose, Road
+from lanelib.simulator import Scene, render_road
+from lanelib.video import VideoWriter, read_frames
+
+ROOT = Path(__file__).resolve().parents[1]
+SIZE_WH = (640, 360)
+
+
+def make_rig(name="right", *, height_m=1.22, pitch_deg=1.4, size_wh=SIZE_WH) -> Rig:
+    scene = Scene()
+    camera = Camera(np.array(scene.camera_matrix), np.array(scene.distortion), SIZE_WH).scaled(size_wh)
+    return Rig(camera, BirdsEye.from_mounting(camera, height_m=height_m, pitch_deg=pitch_deg), name)
+
+
+@pytest.fixture(scope="session")
+def road():
+    """A frame of a gentle bend with its truth: the car 0.3 m right of the lane's centre."""
+    return render_road(Scene(road=Road([0], [1 / 600]), pose=CarPose(5.0, 0.3)))
+
+
+@pytest.fixture(scope="session")
+def drive():
+    """Twelve frames of a straight road, 0.8 m apart."""
+    return [render_road(Scene(pose=CarPose(5 + 0.8 * i, -0.2), seed=i))[0] for i in range(12)]
+
+
+@pytest.fixture
+def place(tmp_path, road, monkeypatch):
+    """A folder with a picture and a rig, as working directory; no other data set or rig is known."""
+    make_rig().save(tmp_path / "rig.json")
+    cv2.imwrite(str(tmp_path / "road.png"), road[0])
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(rigs.datasets, "roots", lambda: ())
+    return tmp_path
+
+
+@pytest.fixture
+def clip(place, drive):
+    with VideoWriter(place / "drive.mp4", fps=20, preset="ultrafast") as writer:
+        for frame in drive:
+            writer.write(frame)
+    return place / "drive.mp4"
+
+
+def run(*arguments, code=0, capsys=None):
+    """(stdout, stderr) of a command that must end with this exit code."""
+    found = cli.main([str(a) for a in arguments])
+    said = capsys.readouterr()
+    assert found == code, said.err
+    return said.out, said.err
+
+
+def refused(capsys, *arguments, match, lines=1):
+    """stdout of a command that must end with exit code 2 and say why in so many lines."""
+    out, err = run(*arguments, code=2, capsys=capsys)
+    assert match in err and "Traceback" not in err
+    assert len(err.splitlines()) == lines, err
+    assert all(line.startswith("lanelib: ") for line in err.splitlines())
+    return out
+
+
+# ---------------------------------------------------------------------------------------------- help
+COMMANDS = ("calibrate", "image", "video", "live", "rig", "evaluate", "fetch", "course")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help_with_an_example(capsys, command):
+    out, err = run(command, "--help", capsys=capsys)
+    assert f"lanelib {command} " in out.split("Example")[1] or f"lanelib {command}\n" in out
+    assert not err and max(map(len, out.splitlines())) <= 100
+
+
+def test_the_list_of_commands_is_complete(capsys):
+    out, _ = run("--help", capsys=capsys)
+    assert all(command in out for command in COMMANDS)
+    assert all(callable(getattr(commands, command)) for command in COMMANDS)
+    assert run("--version", capsys=capsys)[0].startswith("lanelib ")
+
+
+@pytest.mark.parametrize("arguments, match", [
+    ([], "COMMAND"), (["foo"], "'foo'"), (["image"], "PICTURES"), (["image", "x", "--rg", "y"], "--rg"),
+    (["video", "x", "--start", "-1"], "from 0"), (["video", "x", "--end", "nan"], "needed a number"),
+    (["calibrate", "x", "--board", "9", "-o", "y"], "9x6"), (["calibrate", "x", "--square", "0", "-o", "y"], "above 0"),
+    (["video", "x", "--jobs", "0"], "whole number"), (["live", "0", "--port", "70000"], "65535"), (["image", ""], "empty name"),
+])  # fmt: skip
+def test_wrong_arguments_are_one_line(capsys, arguments, match):
+    refused(capsys, *arguments, match=match)
+
+
+# ---------------------------------------------------------------------------------------------- image
+def test_image_draws_and_says_where(place, road, capsys):
+    out, err = run("image", "road.png", "--rig", "rig.json", "-o", "out", "--json", "lanes.jsonl", capsys=capsys)
+    assert "out/road.jpg" in out and "wrote lanes.jsonl" in out and not err
+    drawn = cv2.imread("out/road.jpg")
+    assert drawn.shape == road[0].shape and np.abs(drawn.astype(int) - road[0]).max() > 60
+    row, truth = json.loads(Path("lanes.jsonl").read_text()), road[1]
+    assert row["raw_file"] == "road.png" and row["status"] == "measured"
+    assert row["offset_m"] == pytest.approx(truth["offset_m"], abs=0.05)
+    assert row["lane_width_m"] == pytest.approx(truth["lane_width_m"], abs=0.12)
+    assert not list(place.glob(".*"))  # nothing temporary is left
+
+
+def test_json_on_stdout_is_alone_there(place, capsys):
+    out, err = run("image", "road.png", "--rig", "rig.json", "--json", "-", capsys=capsys)
+    assert [json.loads(line)["raw_file"] for line in out.splitlines()] == ["road.png"]
+    assert "lanelib_output/road.jpg" in err
+
+
+def test_stages_are_numbered_pictures(place, capsys):
+    run("image", "road.png", "--rig", "rig.json", "-o", "out", "--stages", capsys=capsys)
+    names = sorted(path.name for path in Path("out").iterdir())
+    for stage in ("undistorted", "mask", "birdseye", "windows", "fit", "lane"):
+        assert any(name.endswith(f"_{stage}.jpg") for name in names), names
+    assert names[0] == "road.jpg" and names[1].startswith("road_1_")
+
+
+def test_one_bad_picture_does_not_stop_the_others(place, capsys):
+    data = Path("road.png").read_bytes()
+    Path("cut.png").write_bytes(data[: len(data) // 2])
+    Path("empty.jpg").touch()
+    Path("again.png").write_bytes(data)
+    names = ["road.png", "cut.png", "empty.jpg", ".", "missing.jpg", "again.png"]
+    with_rig = ["--rig", "rig.json", "-o", "out", "--json", "-", "--quiet"]
+    out = refused(capsys, "image", *names, *with_rig, match="4 of 6 pictures", lines=5)
+    assert [json.loads(line)["raw_file"] for line in out.splitlines()] == ["road.png", "again.png"]
+    assert sorted(path.name for path in Path("out").iterdir()) == ["again.jpg", "road.jpg"]
+
+
+def test_unusual_names(place, road, capsys):
+    for name in ("two words.png", "Straße – 道.png", "-dash.png"):
+        cv2.imencode(".png", road[0])[1].tofile(f"./{name}")
+    out, _ = run("image", "--rig", "rig.json", "-o", "out", "--json", "-", "--", "two words.png", "Straße – 道.png", "-dash.png",
+                 capsys=capsys)  # fmt: skip
+    assert [json.loads(line)["raw_file"] for line in out.splitlines()] == [
+        "two words.png",
+        "Straße – 道.png",
+        "-dash.png",
+    ]
+    assert {p.name for p in Path("out").iterdir()} == {"two words.jpg", "Straße – 道.jpg", "-dash.jpg"}
+
+
+def test_two_pictures_of_one_name_are_both_kept(place, road, capsys):
+    for folder in ("a", "b"):
+        Path(folder).mkdir()
+        cv2.imwrite(f"{folder}/x.png", road[0])
+    out, _ = run("image", "a/x.png", "b/x.png", "--rig", "rig.json", "-o", "out", "--json", "-", capsys=capsys)
+    assert [json.loads(line)["raw_file"] for line in out.splitlines()] == ["a/x.png", "b/x.png"]
+    assert {p.name for p in Path("out").iterdir()} == {"x.jpg", "x-2.jpg"}
+
+
+def test_input_is_never_overwritten(place, clip, road, capsys):
+    cv2.imwrite("p.jpg", road[0])
+    before = {name: Path(name).read_bytes() for name in ("p.jpg", "rig.json", "drive.mp4")}
+    Path("link.mp4").symlink_to("drive.mp4")
+    with_rig = ["--rig", "rig.json"]
+    refused(capsys, "image", "p.jpg", *with_rig, "-o", ".", match="found the same")
+    refused(capsys, "image", "p.jpg", *with_rig, "-o", "out", "--json", "p.jpg", match="found the same")
+    refused(capsys, "video", "drive.mp4", *with_rig, "-o", "drive.mp4", match="found the same")
+    refused(capsys, "video", "drive.mp4", *with_rig, "-o", "link.mp4", match="found the same")
+    refused(capsys, "calibrate", "p.jpg", "-o", "p.jpg", match="found the same")
+    assert {name: Path(name).read_bytes() for name in before} == before
+
+
+@pytest.mark.parametrize("output", ["rig.json/out", "no/such/lanes.jsonl", "."])
+def test_places_that_cannot_be_written(place, capsys, output):
+    option = "-o" if output.startswith("rig") else "--json"
+    refused(capsys, "image", "road.png", "--rig", "rig.json", option, output, match=output)
+
+
+def test_a_recipe_or_rig_that_is_none(place, capsys):
+    refused(capsys, "image", "road.png", "--rig", "rig.json", "--recipe", "foo", match="paint")
+    refused(capsys, "image", "road.png", "--rig", "road.png", match="road.png")
+    refused(capsys, "image", "road.png", "--rig", "gone.json", match="gone.json")
+
+
+# ---------------------------------------------------------------------------------------------- rigs
+def test_a_rig_for_other_proportions_is_refused(place, clip, capsys):
+    make_rig("square", size_wh=SIZE_WH)
+    camera = Camera.ideal((400, 400), focal_px=400)
+    Rig(camera, BirdsEye.from_mounting(camera, height_m=1.2, pitch_deg=2), "square").save("square.json")
+    refused(capsys, "image", "road.png", "--rig", "square.json", "-o", "out", match="640x360")
+    refused(capsys, "video", "drive.mp4", "--rig", "square.json", "-o", "out.mp4", match="400x400")
+    assert not Path("out.mp4").exists() and not Path("out").exists()
+
+
+def test_the_rig_that_sees_lanes_is_chosen(road):
+    wrong = [make_rig("steep", pitch_deg=9), make_rig("low", height_m=0.55)]
+    choice = rigs.choose_rig([road[0]], [wrong[0], make_rig(), wrong[1]])
+    assert choice.rig.name == "right" and "steep 0." in str(choice)
+    black = np.zeros_like(road[0])
+    assert rigs.choose_rig([road[0], road[0], black], [*wrong, make_rig()]).rig.name == "right"
+    with pytest.raises(LanelibError, match="lanelib rig"):
+        rigs.choose_rig([black], [make_rig()])
+    with pytest.raises(LanelibError, match="right 640x360"):
+        rigs.choose_rig([np.zeros((300, 300, 3), np.uint8)], [make_rig()])
+    with pytest.raises(LanelibError, match="at least one picture"):
+        rigs.choose_rig([], [make_rig()])
+
+
+def test_without_rig_the_choice_is_said(place, clip, monkeypatch, capsys):
+    refused(capsys, "image", "road.png", match="lanelib rig")
+    Path("rigs").mkdir()
+    make_rig("steep", pitch_deg=9).save("rigs/steep.json")
+    make_rig("mine").save("rigs/mine.json")
+    monkeypatch.setattr(rigs.datasets, "roots", lambda: (place,))
+    _, err = run("image", "road.png", "road.png", "-o", "out", capsys=capsys)
+    assert err.count("rig mine: median confidence") == 1
+    _, err = run("video", "drive.mp4", "-o", "out.mp4", capsys=capsys)
+    assert "drive.mp4: rig mine: median confidence" in err
+    _, err = run("image", "road.png", "--rig", "mine", "-o", "out", capsys=capsys)
+    assert not err
+    refused(capsys, "image", "road.png", "--rig", "other", match="known by name: mine, steep")
+
+
+def test_pictures_of_a_data_set_have_its_rig_and_its_output(place, clip, road, monkeypatch, capsys):
+    for folder in ("test_images/mine", "test_videos/mine", "rigs"):
+        Path(folder).mkdir(parents=True)
+    make_rig("mine").save("rigs/mine.json")
+    make_rig("right too").save("rigs/other.json")
+    cv2.imwrite("test_images/mine/a.png", road[0])
+    clip.rename("test_videos/mine/drive.mp4")
+    monkeypatch.setattr(rigs.datasets, "roots", lambda: (place,))
+    _, err = run("image", "test_images/mine/a.png", capsys=capsys)
+    assert "rig mine: the file is of the set mine" in err
+    run("video", "test_videos/mine/drive.mp4", capsys=capsys)
+    assert Path("output_images/mine/a.jpg").is_file() and Path("output_videos/mine/drive.mp4").is_file()
+
+
+def test_rig_is_made_from_frames(place, capsys):
+    for i in range(3):
+        cv2.imwrite(f"f{i}.png", render_road(Scene(pose=CarPose(4.0 * i, 0.1), seed=i))[0])
+    scene = Scene()
+    camera = Camera(np.array(scene.camera_matrix), np.array(scene.distortion), SIZE_WH)
+    camera.save("camera.json")
+    out, _ = run("rig", "f0.png", "f1.png", "f2.png", "--camera", "camera.json", "--lane-width", "3.66", "-o", "made.json",
+                 capsys=capsys)  # fmt: skip
+    assert "wrote made.json" in out
+    made = Rig.load("made.json")
+    assert made.name == "made"
+    assert made.mounting["height_m"] == pytest.approx(1.22, rel=0.05) and made.mounting["pitch_deg"] == pytest.approx(
+        1.4, abs=0.4
+    )
+    cv2.imwrite("noise.png", np.random.default_rng(0).integers(0, 255, (360, 640, 3)).astype(np.uint8))
+    refused(capsys, "rig", "noise.png", "--camera", "none", "-o", "noise.json", match="rig")
+    refused(capsys, "rig", "f0.png", "--camera", "rig.json", "-o", "x.json", match="rig.json")
+    assert not Path("noise.json").exists()
+
+
+# ---------------------------------------------------------------------------------------------- video
+def test_video_is_followed_frame_by_frame(place, clip, capsys):
+    out, err = run("video", "drive.mp4", "--rig", "rig.json", "-o", "out.mp4", "--json", "lanes.jsonl", capsys=capsys)
+    assert "out.mp4" in out and "measured 12" in out and not err
+    rows = [json.loads(line) for line in Path("lanes.jsonl").read_text().splitlines()]
+    assert [row["raw_file"] for row in rows] == [f"drive.mp4:{i:06d}" for i in range(12)]
+    assert all(row["offset_m"] == pytest.approx(-0.2, abs=0.06) for row in rows)
+    with read_frames("out.mp4") as frames:
+        assert sum(1 for _ in frames) == 12 and frames.info.codec == "h264"
+
+
+def test_a_section_keeps_the_numbers_of_the_whole(place, clip, capsys):
+    out, _ = run(
+        "video",
+        "drive.mp4",
+        "--rig",
+        "rig.json",
+        "--no-video",
+        "--start",
+        0.25,
+        "--end",
+        0.45,
+        "--json",
+        "-",
+        capsys=capsys,
+    )
+    assert [json.loads(line)["raw_file"][-6:] for line in out.splitlines()] == [f"{i:06d}" for i in (5, 6, 7, 8)]
+    assert not list(place.glob("lanelib_output*"))
+    refused(capsys, "video", "drive.mp4", "--rig", "rig.json", "--no-video", "--start", 9, match="0.60 s")
+
+
+@pytest.mark.parametrize("view", ["diagnostic", "birdseye"])
+def test_other_views(place, clip, view, capsys):
+    run("video", "drive.mp4", "--rig", "rig.json", "-o", "out.mp4", "--view", view, "--end", 0.15, capsys=capsys)
+    with read_frames("out.mp4") as frames:
+        pictures = [frame.frame_bgr for frame in frames]
+    assert len(pictures) == 3 and pictures[0].std() > 10
+
+
+def test_several_videos_go_to_a_folder(place, clip, capsys):
+    Path("other").mkdir()
+    Path("other/drive.mp4").write_bytes(clip.read_bytes())
+    Path("bad.mp4").write_text("no video")
+    names = ["drive.mp4", "bad.mp4", "other/drive.mp4"]
+    refused(capsys, "video", *names, "--rig", "rig.json", "-o", "one.mp4", match="needed a folder")
+    refused(capsys, "video", *names, "--rig", "rig.json", "-o", "out", match="bad.mp4", lines=2)
+    assert {path.name for path in Path("out").iterdir()} == {"drive.mp4", "drive-2.mp4"}
+
+
+def test_a_truncated_video_is_done_as_far_as_it_goes(place, drive, capsys):
+    with VideoWriter(place / "whole.mp4", fps=20, preset="ultrafast") as writer:
+        for frame in drive * 3:
+            writer.write(frame)
+    data = Path("whole.mp4").read_bytes()
+    Path("cut.mp4").write_bytes(data[: len(data) // 2])
+    out = refused(
+        capsys,
+        "video",
+        "cut.mp4",
+        "--rig",
+        "rig.json",
+        "-o",
+        "out.mp4",
+        "--json",
+        "lanes.jsonl",
+        match="ends too early",
+    )
+    n = len(Path("lanes.jsonl").read_text().splitlines())
+    assert 5 < n < 36 and f"{n} frames" in out
+    with read_frames("out.mp4") as frames:
+        assert sum(1 for _ in frames) == n
+
+
+@pytest.mark.parametrize(
+    "make", [clips.audio_only, clips.no_frames, Path.touch, lambda p: p.write_text("x" * 999), Path.mkdir]
+)
+def test_what_is_no_video(place, capsys, make):
+    make(place / "x.mp4")
+    refused(capsys, "video", "x.mp4", "--rig", "rig.json", "-o", "out.mp4", match="x.mp4: needed")
+    assert not list(place.glob("*out*"))
+
+
+def test_live_shows_a_file_on_a_page(place, clip, capsys):
+    out, err = run("live", "drive.mp4", "--rig", "rig.json", "--page", "--frames", 3, capsys=capsys)
+    assert "http://127.0.0.1:" in err and out.startswith("3 frames")
+    refused(capsys, "live", "gone.mp4", "--rig", "rig.json", "--quiet", match="gone.mp4")
+
+
+# ---------------------------------------------------------------------------------------------- calibrate, evaluate, fetch
+def test_calibrate_prints_every_board(place, capsys):
+    Path("boards").mkdir()
+    for i, rvec in enumerate([(0.3, 0.2, 0.0), (-0.35, 0.1, 0.1), (0.1, -0.4, -0.1), (0.2, 0.35, 0.2)]):
+        cv2.imwrite(f"boards/b{i}.png", chessboards.render(rvec, (0.2 * i - 0.3, 0.1, 12.0), seed=i))
+    cv2.imwrite("boards/road.png", cv2.imread("road.png"))
+    out, _ = run("calibrate", "boards", "--board", "7x5", "-o", "camera.json", capsys=capsys)
+    assert "4 of 5 pictures used" in out and "| road.png" in out and "wrote camera.json" in out and "+-" in out
+    assert Camera.load("camera.json").size_wh == chessboards.CAMERA.size_wh
+    refused(capsys, "calibrate", "boards", "-o", "other.json", match="9x6")
+    Path("none").mkdir()
+    refused(capsys, "calibrate", "none", "-o", "other.json", match="none")
+    refused(capsys, "calibrate", "nowhere", "-o", "other.json", match="nowhere")
+    assert not Path("other.json").exists()
+
+
+def test_evaluate_prints_and_writes(place, road, capsys):
+    run("image", "road.png", "--rig", "rig.json", "-o", "out", "--json", "lanes.jsonl", capsys=capsys)
+    camera = make_rig().camera.to_dict()
+    truth = {
+        "format": "lanelib-truth/1",
+        "camera": camera,
+        "frames": [road[1] | {"raw_file": "road.png", "tags": ["day"]}],
+    }
+    Path("truth.json").write_text(json.dumps(truth))
+    out, _ = run("evaluate", "truth.json", "lanes.jsonl", "--json", "scores.json", capsys=capsys)
+    assert "TuSimple" in out and "cm at 20 m" in out and "| day" in out and "wrote scores.json" in out
+    found = json.loads(Path("scores.json").read_text())["tags"]["day"]
+    assert found["tusimple"] == 1 and found["lateral_m"][1] < 0.05 and abs(found["offset_m"]) < 0.05
+    out, _ = run("evaluate", "truth.json", "lanes.jsonl", "--json", "-", capsys=capsys)
+    assert json.loads(out)["tags"]["day"]["frames"] == 1
+    refused(capsys, "evaluate", "rig.json", "lanes.jsonl", match="rig.json")
+    refused(capsys, "evaluate", "lanes.jsonl", "gone.jsonl", match="gone.jsonl")
+
+
+def test_fetch_knows_its_names(capsys):
+    refused(capsys, "fetch", "nothing", match="udacity")
+
+
+# ---------------------------------------------------------------------------------------------- how it ends
+@pytest.mark.parametrize("error, code, text", [
+    (RuntimeError("boom\nbang"), 1, "a fault of lanelib (RuntimeError: boom bang)"),
+    (MemoryError(), 1, "not enough memory"), (KeyboardInterrupt(), 130, "interrupted"),
+    (PermissionError(13, "Permission denied", "secret"), 2, "secret: Permission denied"),
+])  # fmt: skip
+def test_every_end_is_one_line(monkeypatch, capsys, error, code, text):
+    def fail(*_):
+        raise error
+
+    monkeypatch.delenv("LANELIB_DEBUG", raising=False)
+    monkeypatch.setattr(commands, "fetch", fail)
+    _, err = run("fetch", "x", code=code, capsys=capsys)
+    assert text in err and len(err.splitlines()) == 1
+
+
+def test_faults_show_where_on_request(monkeypatch):
+    monkeypatch.setattr(commands, "fetch", lambda *_: 1 / 0)
+    monkeypatch.setenv("LANELIB_DEBUG", "1")
+    with pytest.raises(ZeroDivisionError):
+        cli.main(["fetch", "x"])
+
+
+def child(*arguments, **options):
+    """The command line as a process; Ctrl-C reaches it even where the tests themselves run in the background."""
+    program = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); import lanelib.__main__ as m"
+    return subprocess.Popen(
+        [sys.executable, "-c", f"{program}; m.sys.exit(m.main())", *map(str, arguments)],
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **options,
+    )  # fmt: skip
+
+
+def processes_naming(text: str) -> list[str]:
+    """Command lines of the processes that have this in their arguments."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            line = path.read_bytes().replace(b"\0", b" ").decode("utf-8", "replace")
+        except OSError:
+            continue
+        if text in line:
+            found.append(line)
+    return found
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks for processes in /proc")
+@pytest.mark.parametrize("number, code", [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_leaves_nothing_behind(place, drive, number, code):
+    with VideoWriter(place / "long.mp4", fps=20, preset="ultrafast") as writer:
+        for _ in range(60):
+            for frame in drive:
+                writer.write(frame)
+    Path("out.mp4").write_text("from before")
+    process = child("video", "long.mp4", "--rig", "rig.json", "-o", "out.mp4", "--json", "lanes.jsonl", cwd=place)
+    deadline = time.monotonic() + 60
+    while not list(place.glob(".out*.part*")):  # ffmpeg writes: it is in the middle
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.02)
+    process.send_signal(number)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == code, err
+    assert len(err.splitlines()) == 1 and err.startswith("lanelib: ") and not out
+    assert Path("out.mp4").read_text() == "from before"
+    assert {path.name for path in place.iterdir()} == {"long.mp4", "out.mp4", "rig.json", "road.png"}
+    assert not processes_naming(str(place))
+
+
+def test_a_reader_that_stops_reading_is_no_fault(place, clip):
+    process = child("video", "drive.mp4", "--rig", "rig.json", "--no-video", "--json", "-", "--quiet", cwd=place)
+    process.stdout.close()  # like `| head -0`
+    err = process.stderr.read()
+    assert process.wait(timeout=60) == 141 and not err
+    process.stderr.close()
+
+
+# ---------------------------------------------------------------------------------------------- fuzz
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(at=st.floats(0, 1), new=st.binary(min_size=1, max_size=4), target=st.sampled_from(["rig.json", "road.png"]))
+def test_damaged_files_never_cause_a_fault(place, capsys, at, new, target):
+    data = bytearray((place / target).read_bytes())
+    start = int(at * (len(data) - 1))
+    data[start : start + len(new)] = new
+    (place / f"damaged_{target}").write_bytes(data)
+    rig, picture = ("damaged_rig.json", "road.png") if target == "rig.json" else ("rig.json", "damaged_road.png")
+    code = cli.main(["image", picture, "--rig", rig, "-o", "out"])
+    err = capsys.readouterr().err
+    assert code in (0, 2) and len(err.splitlines()) == (1 if code else 0), err

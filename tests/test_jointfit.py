@@ -1,0 +1,335 @@
+"""jointfit.py: exact points give back the truth, derivatives are numeric ones, one line carries the other."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from roads import Lane7, joined, points, points_on_lane
+
+from lanelib import jointfit
+from lanelib.jointfit import (
+    BEND,
+    CENTRE,
+    HEADING,
+    HILL,
+    NEIGHBOURS,
+    PITCH,
+    RATE,
+    TRACK_GATES,
+    UNKNOWN_ROAD,
+    WIDTH,
+    Prior,
+    bearing_std,
+    differ,
+    distance,
+    energy_of,
+    fit,
+    line_x,
+    nearby,
+    supported_rows,
+)
+
+STD = np.sqrt(np.diag(UNKNOWN_ROAD.covariance))
+NO_PRIOR = Prior(UNKNOWN_ROAD.mean, UNKNOWN_ROAD.covariance * 1e6)
+WINDING = Lane7(centre=0.4, heading=-0.05, bend=1 / 240, rate=-2e-5, width=3.4, pitch=np.radians(0.5))
+
+within = st.tuples(*[st.floats(-1.5, 1.5)] * 6)
+nudge = st.tuples(*[st.floats(-0.3, 0.3)] * 7)
+
+
+def truth(numbers) -> Lane7:
+    """A lane so many standard deviations of an unknown road away from its mean, without a hill."""
+    return Lane7(*(UNKNOWN_ROAD.mean + STD * (*numbers, 0)))
+
+
+def off(found, lane, at=(0.0, 6.0, 15.0, 30.0)):
+    """Largest distance in x between fitted and true lines, m."""
+    at = np.array(at)
+    return max(np.abs(line_x(at, found.mean, side) - lane.x(at, side)).max() for side in (-1, 1))
+
+
+# ---------------------------------------------------------------------------------------------- exact points
+@settings(max_examples=50, deadline=None)
+@given(within, nudge, st.floats(0.9, 2.0), st.floats(500, 2000))
+def test_exact_points_give_back_all_numbers(numbers, start, height_m, focal_px):
+    """Without a prior to speak of, from a start a third of an unknown road's spread away."""
+    lane = truth(numbers)
+    found = fit(points_on_lane(lane, height_m=height_m, focal_px=focal_px), lane.mean + STD * start, prior=NO_PRIOR)
+    assert np.abs((found.mean - lane.mean) / STD).max() < 1e-4
+    assert found.rms_px < 1e-3
+
+
+@settings(max_examples=30, deadline=None)
+@given(within)
+def test_what_fits_exactly_is_left_alone(numbers):
+    """The truth is a stationary point: one more step from it goes nowhere."""
+    lane = truth(numbers)
+    found = fit(points_on_lane(lane), lane.mean, prior=Prior(lane.mean, UNKNOWN_ROAD.covariance), gates=(4,))
+    np.testing.assert_allclose((found.mean - lane.mean) / STD, 0, atol=1e-9)
+
+
+@settings(max_examples=30, deadline=None)
+@given(within, st.floats(-1, 1))
+def test_a_hill_is_seen_through(numbers, hill):
+    """Crests and dips down to a radius of 6 km, with the prior that the finder uses: the lines to 30 m within 6 cm.
+
+    Pitch and hill trade with each other (the fit holds the distance in a hill to first order), the lines hold."""
+    lane = Lane7(*(*truth(0.6 * np.array(numbers)).mean[:HILL], hill * STD[HILL]))
+    assert off(fit(points_on_lane(lane), lane.mean), lane) < 0.06
+
+
+# ---------------------------------------------------------------------------------------------- derivatives
+@pytest.mark.parametrize("lane", [WINDING, Lane7(), Lane7(-0.9, 0.12, -1 / 160, 3e-5, 4.1, np.radians(-0.9))])
+def test_the_information_is_that_of_numeric_derivatives(lane):
+    """The fit's covariance, inverted and without the prior, is J' W J with J by central differences of the independent
+    formula in roads.py: every column of the analytic Jacobian counts."""
+    p = points_on_lane(lane)
+    found = fit(p, lane.mean, prior=Prior(lane.mean, UNKNOWN_ROAD.covariance), gates=TRACK_GATES, reach_m=(1e3,))
+    information = np.linalg.inv(found.covariance) - np.linalg.inv(UNKNOWN_ROAD.covariance)
+
+    side_of_point = np.where(p.bearing > (lane.x(1 / p.inverse, 0)) * p.inverse, 1, -1)
+    jacobian = np.empty((len(p), 7))
+    for i in range(7):
+        step = np.zeros(7)
+        step[i] = 1e-4 * STD[i]
+        ends = []
+        for sign in (-1, 1):
+            moved = Lane7(*(lane.mean + sign * step))
+            y = exact_distance(p.inverse, moved, p.height_m)
+            ends.append(np.where(side_of_point > 0, moved.x(y, 1), moved.x(y, -1)) / y)
+        jacobian[:, i] = (ends[1] - ends[0]) / (2e-4 * STD[i])
+    weight = p.weight / NEIGHBOURS / bearing_std(p) ** 2
+    expected = (jacobian * weight[:, None]).T @ jacobian
+    scale = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(information / np.outer(scale, scale), expected / np.outer(scale, scale), atol=2e-4)
+
+
+def exact_distance(inverse, lane, height_m):
+    """y of inverse = 1/y - hill y / (2 h) - pitch / h, the quadratic solved."""
+    q, c = inverse + lane.pitch / height_m, lane.hill / (2 * height_m)
+    return 2 / (q + np.sqrt(q * q + 4 * c))
+
+
+def test_distance_undoes_the_surface():
+    """Out to the rig's plane through ``Surface``, and back through ``distance``."""
+    from lanelib.lane import Surface
+
+    y = np.array([5.0, 12, 25, 50, 80])
+    for pitch, hill, tolerance in ((0, 0, 1e-9), (0.012, 0, 1e-9), (-0.01, 1 / 9000, 0.03), (0.005, -1 / 9000, 0.03)):
+        flat = Surface(1.3, pitch, hill).flat_from_road(np.column_stack([np.zeros(5), y]))
+        mean = Lane7(pitch=pitch, hill=hill).mean
+        back = distance(1 / flat[:, 1], mean, 1.3)
+        assert np.abs(back / y - 1)[:4].max() < tolerance
+
+
+# ---------------------------------------------------------------------------------------------- geometry
+@pytest.mark.parametrize("lane", [WINDING, Lane7(bend=1 / 120), Lane7(heading=0.25, bend=-1 / 400, width=3.1)])
+def test_the_two_lines_are_a_width_apart_measured_across(lane):
+    """Nearest distance from points of one line to a fine polyline of the other: not the gap along x, which is wider.
+
+    The formula shifts along x by the slope at the same y: exact for straight lanes, 5 cm off at 25 m of R 60 m."""
+    y = np.linspace(-8, 60, 40000)
+    other = np.column_stack([line_x(y, lane.mean, 1), y])
+    for at in (0.0, 5.0, 12.0, 25.0):
+        here = np.array([line_x(at, lane.mean, -1), at])
+        across = np.linalg.norm(other - here, axis=1).min()
+        assert across == pytest.approx(lane.width, abs=0.06)
+        gap = line_x(at, lane.mean, 1) - line_x(at, lane.mean, -1)
+        slope = np.polyval([3 * lane.rate, 2 * lane.bend, lane.heading], at)
+        assert gap == pytest.approx(lane.width * np.hypot(1, slope))
+    np.testing.assert_allclose(line_x(y, lane.mean, -1), lane.x(y, -1), atol=1e-12)
+
+
+def test_a_fit_becomes_a_lane_in_metres():
+    """Offset, width, curvature with their signs, the surface, and how far each line was seen."""
+    lane = Lane7(centre=-0.35, heading=0.03, bend=-1 / 600, width=3.5, pitch=0.004)
+    y0 = np.linspace(1 / np.sqrt(90), 1 / np.sqrt(4), 136) ** -2.0
+    found = fit(points_on_lane(lane, gaps={1: (3.66, 14.63, 6.0)}), lane.mean)
+    metric = found.lane(4.0, y0)
+    assert metric.offset_m == pytest.approx(0.35, abs=0.01)
+    assert metric.curvature_1pm == pytest.approx(2 / 600, rel=0.03)
+    assert float(metric.width_m()) == pytest.approx(3.5, abs=0.01)
+    assert (metric.surface.pitch_rad, metric.surface.height_m) == (found.mean[PITCH], 1.3)
+    at = np.array([0.0, 5, 20, 40])
+    assert np.abs(metric.left.x(at) - lane.x(at, -1)).max() < 0.02
+    assert np.abs(metric.right.x(at) - lane.x(at, 1)).max() < 0.02
+    assert metric.left.y_range_m[1] > 80 and metric.right.y_range_m[1] < 69  # the last dash ends at 68.2 m
+    assert metric.std["offset_m"] == pytest.approx(np.sqrt(found.covariance[CENTRE, CENTRE]))
+    assert metric.std["curvature_1pm"] == pytest.approx(2 * np.sqrt(found.covariance[BEND, BEND]))
+
+
+def test_a_double_lines_inward_shift_moves_its_boundary():
+    from dataclasses import replace
+
+    lane = Lane7(centre=0.2)
+    y0 = np.linspace(1 / np.sqrt(90), 1 / np.sqrt(4), 136) ** -2.0
+    found = replace(fit(points_on_lane(lane), lane.mean), inward_m=(0.12, 0.0))
+    metric = found.lane(4.0, y0)
+    assert float(metric.left.x(0)) == pytest.approx(lane.x(0, -1) + 0.12, abs=0.005)
+    assert float(metric.right.x(0)) == pytest.approx(lane.x(0, 1), abs=0.005)
+
+
+# ---------------------------------------------------------------------------------------------- hard evidence
+def noisy(p, rng, *, px=1.0):
+    """Points scattered by a standard deviation in pixels of the frame."""
+    return points(p.bearing + rng.normal(0, px, len(p)) / p.focal_px, p.inverse, p.row, p.weight, p.focal_px,
+                  p.height_m, p.n_rows)
+
+
+def test_dashes_on_one_side_are_carried_by_the_other():
+    """Two dashes of 3.66 m from 9 m on: on their own they leave a parabola 0.3 m off at the car (checked)."""
+    rng, worst, alone = np.random.default_rng(2), [], []
+    for _ in range(10):
+        p = noisy(points_on_lane(WINDING, gaps={1: (3.66, 14.63, 9.0)}), rng)
+        worst.append(off(fit(p, WINDING.mean + STD * rng.normal(0, 0.2, 7)), WINDING, (0, 5, 10, 20)))
+        dashes = noisy(points_on_lane(WINDING, sides=(1,), gaps={1: (3.66, 14.63, 9.0)}), rng, px=1)
+        near = dashes.inverse > 1 / 30
+        y = exact_distance(dashes.inverse[near], WINDING, dashes.height_m)
+        alone.append(abs(np.polyval(np.polyfit(y, dashes.bearing[near] * y, 2), 0) - WINDING.x(0, 1)))
+    assert np.median(worst) < 0.03 and max(worst) < 0.08
+    assert np.median(alone) > 2 * np.median(worst)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_missing_line_is_a_usual_width_away(side):
+    """Nothing tells the width: the prior does, and the fit says how little it knows."""
+    lane = Lane7(centre=0.3, heading=0.02, bend=1 / 500, width=3.5)
+    found = fit(points_on_lane(lane, sides=(side,)), lane.mean + STD * 0.2)
+    at = np.array([0.0, 6, 15, 30])
+    assert np.abs(line_x(at, found.mean, side) - lane.x(at, side)).max() < 0.02
+    assert abs(found.mean[WIDTH] - UNKNOWN_ROAD.mean[WIDTH]) < 0.2
+    std = np.sqrt(np.diag(found.covariance))
+    both = np.sqrt(np.diag(fit(points_on_lane(lane), lane.mean).covariance))
+    assert std[WIDTH] > 0.15 > 5 * both[WIDTH]
+    assert found.support[(0 if side > 0 else 1)].sum() == 0
+
+
+def test_clutter_does_not_pull_the_lane():
+    """As many points anywhere on the road as there are on the lines."""
+    rng = np.random.default_rng(4)
+    for _ in range(5):
+        p = noisy(points_on_lane(WINDING), rng)
+        n = len(p)
+        y = 1 / rng.uniform(1 / 60, 1 / 4, n)
+        anywhere = points(rng.uniform(-8, 8, n) / y, 1 / y, rng.integers(0, 136, n), rng.uniform(0.2, 1, n), 1100.0, 1.3)
+        assert off(fit(joined(p, anywhere), WINDING.mean + STD * rng.normal(0, 0.2, 7)), WINDING) < 0.05
+
+
+@pytest.mark.parametrize("beside", [-0.7, 0.6])
+def test_a_seam_beside_a_dashed_line_does_not_take_it_away(beside):
+    """An unbroken line of points 0.6 m beside the dashes, with three times as many points, each half as clear: a fit of
+    that side alone would follow it. The left line and the lane's own width hold against it."""
+    lane = Lane7(centre=-0.1, heading=0.01, bend=-1 / 700, width=3.7)
+    lane_points = points_on_lane(lane, gaps={1: (3.66, 14.63, 5.0)})
+    seam = points_on_lane(Lane7(lane.centre + beside, lane.heading, lane.bend, 0, lane.width), sides=(1,))
+    seam = points(seam.bearing, seam.inverse, seam.row, 0.5 * seam.weight, 1100.0, 1.3)
+    found = fit(joined(lane_points, seam), lane.mean + STD * 0.1)
+    assert off(found, lane) < 0.05
+    wrong = fit(joined(lane_points, seam), lane.mean + np.array([beside / 2, 0, 0, 0, beside, 0, 0]))
+    assert found.energy > wrong.energy - 12  # the seam may be solid, but the lane has to be a lane
+
+
+def test_lines_that_drift_apart_are_pitch_and_not_a_wider_lane():
+    for degrees in (-1.0, 0.8):
+        lane = Lane7(width=3.6, pitch=np.radians(degrees))
+        found = fit(points_on_lane(lane), UNKNOWN_ROAD.mean)
+        assert np.degrees(found.mean[PITCH]) == pytest.approx(degrees, abs=0.03)
+        assert found.mean[WIDTH] == pytest.approx(3.6, abs=0.01)
+
+
+# ---------------------------------------------------------------------------------------------- uncertainty
+def test_the_covariance_covers_the_scatter():
+    """Independent errors of one standard deviation per point. The fit counts NEIGHBOURS points as one, because crests
+    along real paint share their error: against independent ones it must say sqrt(8) times the scatter, not less than
+    half and not more than twice that."""
+    rng = np.random.default_rng(6)
+    p = points_on_lane(WINDING)
+    found = []
+    for _ in range(60):
+        scattered = p.bearing + rng.normal(0, 1, len(p)) * bearing_std(p)
+        found.append(fit(points(scattered, p.inverse, p.row, p.weight, 1100.0, 1.3), WINDING.mean, prior=NO_PRIOR))
+    scatter = np.std([f.mean for f in found], axis=0)
+    said = np.sqrt(np.mean([np.diag(f.covariance) for f in found], axis=0))
+    ratio = said[:RATE] / scatter[:RATE] / np.sqrt(NEIGHBOURS)
+    assert ratio.min() > 0.5 and ratio.max() < 2, ratio
+
+
+def test_less_paint_is_less_sure():
+    far = points_on_lane(WINDING, y_m=np.linspace(40, 8, 60))
+    near = points_on_lane(WINDING, y_m=np.linspace(14, 8, 60))
+    prior = UNKNOWN_ROAD
+    spread = [np.sqrt(np.diag(fit(p, WINDING.mean, prior=prior).covariance)) for p in (far, near)]
+    assert (spread[1][[HEADING, BEND]] > 1.5 * spread[0][[HEADING, BEND]]).all()
+    assert (spread[1] <= STD * 1.001).all()
+
+
+def test_no_points_leave_the_prior():
+    none = points_on_lane(WINDING, y_m=[], sides=())
+    found = fit(none, WINDING.mean, prior=UNKNOWN_ROAD)
+    np.testing.assert_allclose(found.mean, UNKNOWN_ROAD.mean, atol=1e-12)
+    np.testing.assert_allclose(found.covariance, UNKNOWN_ROAD.covariance, rtol=1e-6)
+    assert found.energy == pytest.approx(0, abs=1e-9) and found.support.sum() == 0
+
+
+def test_a_prior_pulls_as_a_measurement_would():
+    """The posterior of a prior and of points is that of two independent sources: informations add."""
+    p = points_on_lane(WINDING, y_m=np.linspace(20, 8, 40))
+    tight = Prior(WINDING.mean, UNKNOWN_ROAD.covariance * 0.01)
+    with_tight = np.linalg.inv(fit(p, WINDING.mean, prior=tight).covariance)
+    with_loose = np.linalg.inv(fit(p, WINDING.mean, prior=NO_PRIOR).covariance)
+    difference = np.linalg.inv(tight.covariance) - np.linalg.inv(NO_PRIOR.covariance)
+    scale = np.sqrt(np.diag(with_tight))
+    np.testing.assert_allclose((with_tight - with_loose - difference) / np.outer(scale, scale), 0, atol=1e-3)
+
+
+# ---------------------------------------------------------------------------------------------- worth
+def test_support_counts_rows_once_and_only_near_the_line():
+    lane = Lane7(width=3.6)
+    p = points_on_lane(lane)
+    support, rms = supported_rows(p, lane.mean)
+    assert support.shape == (2, 136) and support.min() >= 0 and support.max() <= 1
+    np.testing.assert_allclose(support, 1.0)
+    assert rms < 1e-6
+    twice, _ = supported_rows(joined(p, p), lane.mean)
+    np.testing.assert_allclose(twice, support)
+    assert supported_rows(p, Lane7(centre=1.0, width=3.6).mean)[0][:, 68:].sum() == 0
+
+
+def test_energy_is_paint_less_what_the_prior_objects():
+    lane, p = Lane7(), points_on_lane(Lane7())
+    support, _ = supported_rows(p, lane.mean)
+    one_line = support * [[1], [0]]
+    two_halves = support * 0.5
+    worth = [energy_of(lane.mean, s, UNKNOWN_ROAD) for s in (support, two_halves, one_line, support * 0)]
+    assert worth[0] > worth[1] > worth[2] > worth[3] == 0
+    odd = lane.mean + 2 * STD * np.eye(7)[WIDTH]
+    assert energy_of(odd, support, UNKNOWN_ROAD) == pytest.approx(worth[0] - 2.0)
+
+
+def test_differ_tells_another_lane_from_the_same_again():
+    lane = WINDING.mean
+    assert not differ(lane, lane)
+    for i, little, much in ((CENTRE, 0.3, 0.5), (HEADING, 0.02, 0.08), (BEND, 1 / 1000, 1 / 300), (WIDTH, 0.5, 1.0)):
+        step = np.eye(7)[i]
+        assert not differ(lane, lane + little * step)
+        assert differ(lane, lane + much * step) and differ(lane + much * step, lane)
+
+
+def test_nearby_keeps_what_tracking_needs():
+    rng = np.random.default_rng(8)
+    p = points_on_lane(WINDING)
+    far_off = points(rng.uniform(-0.02, 0.02, 200), rng.uniform(1 / 20, 1 / 5, 200), rng.integers(0, 136, 200),
+                     np.ones(200), 1100.0, 1.3)  # between the lines, 1 m and more from both
+    kept = nearby(joined(p, far_off), WINDING.mean, gate=9.0)
+    assert len(kept) == len(p)
+    np.testing.assert_allclose(fit(kept, WINDING.mean, gates=TRACK_GATES).mean,
+                               fit(p, WINDING.mean, gates=TRACK_GATES).mean)
+
+
+def test_wild_starts_and_points_stay_finite():
+    rng = np.random.default_rng(9)
+    for scale in (1, 5, 30):
+        p = points(rng.normal(0, scale, 50), rng.uniform(1e-3, 1, 50), rng.integers(0, 136, 50), rng.uniform(0, 1, 50))
+        found = jointfit.fit(p, UNKNOWN_ROAD.mean + scale * STD * rng.normal(0, 1, 7))
+        assert np.isfinite(found.mean).all() and np.isfinite(found.covariance).all() and np.isfinite(found.energy)
+        assert 2.0 <= found.mean[WIDTH] <= 6.0
