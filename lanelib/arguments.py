@@ -14,8 +14,9 @@ PRESETS = ("ultrafast", "superfast", "veryfast", "faster", "fast", "medium", "sl
 HELP_WIDTH = 100
 RIG_HELP = (
     "Without --rig the rig is the one of the data set that the file lies in (test_images/SET, test_videos/SET); for "
-    "other files every rig in rigs/ whose proportions fit is tried on up to 8 frames, and the one that finds lanes "
-    "with the highest median confidence is taken. Which one it was is said. Make one for your camera: `lanelib rig`."
+    "other files every rig in rigs/ whose proportions fit is tried on up to 8 frames, and the one is taken under "
+    "which lanes are found most confidently and with the least strain. Which one it was is said. Make one for your own camera "
+    "with `lanelib rig`."
 )
 OVERWRITE_HELP = (
     "A file that is there is replaced, and only when the new one is complete. A name that begins with a dash goes "
@@ -250,8 +251,8 @@ def _course(commands) -> None:
 # ---------------------------------------------------------------------------------------------- options
 def _command(commands, name: str, short: str, text: str, example: str, *more: str) -> argparse.ArgumentParser:
     indented = "".join(f"  {line}\n" for line in example.splitlines())
-    more = "".join(f"\n{textwrap.fill(part, HELP_WIDTH)}" for part in more)
-    epilog = f"Example{'s' if example.count(chr(10)) else ''}:\n{indented}{more}"
+    notes = "".join(f"\n{textwrap.fill(part, HELP_WIDTH)}" for part in more)
+    epilog = f"Example{'s' if example.count(chr(10)) else ''}:\n{indented}{notes}"
     return commands.add_parser(name, help=short, description=textwrap.fill(text, HELP_WIDTH), epilog=epilog)
 
 

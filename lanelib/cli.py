@@ -45,6 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _complain(error)
         return BAD_INPUT
     except OSError as error:  # a folder that may not be listed, a full disk under a redirected stdout
+        _silence_stdout()
         _complain(f"{error.filename or 'input or output'}: {error.strerror or error}")
         return BAD_INPUT
     except Exception as error:

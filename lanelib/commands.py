@@ -30,7 +30,7 @@ from lanelib.outputs import (
 )
 from lanelib.pictures import read_image, write_bytes
 from lanelib.pipeline import progress_bar
-from lanelib.runs import describe, picture_of, run_picture, run_video
+from lanelib.runs import describe, picture_of, run_video, write_pictures
 from lanelib.threshold import recipe_by_name
 
 MAX_FRAMES_OF_CLIP = 40  # for a rig; more only repeat each other
@@ -106,7 +106,8 @@ def fetch(args: argparse.Namespace, console: Console) -> int:
 def image(args: argparse.Namespace, console: Console) -> int:
     """The lane in single pictures, each on its own; one that cannot be used does not stop the others."""
     recipe_by_name(args.recipe)
-    failed, taken = 0, set()
+    failed = 0
+    taken: set[Path] = set()
     chooser = rigs.RigChooser(args.rig, args.pictures, console.note)
     finders: dict[int, LaneFinder] = {}
     with json_lines(args.json, sources=args.pictures) as write_row:
@@ -116,11 +117,12 @@ def image(args: argparse.Namespace, console: Console) -> int:
                 rig = chooser.for_picture(path, frame)  # the chooser keeps every rig, so that no id comes twice
                 if id(rig) not in finders:
                     finders[id(rig)] = LaneFinder(rig, recipe=args.recipe, track=False)
+                result = finders[id(rig)].process(frame)
+                write_row(result.to_row(raw_file))
                 out = free_name(picture_output(path, args.output, alone=len(args.pictures) == 1), taken)
                 refuse_same(out, args.pictures)
                 make_folder(out.parent)
-                result, wrote = run_picture(frame, finders[id(rig)], out, with_stages=args.stages)
-                write_row(result.to_row(raw_file))
+                wrote = write_pictures(frame, result, finders[id(rig)], out, with_stages=args.stages)
                 more = f" and {len(wrote) - 1} stages" if len(wrote) > 1 else ""
                 console.result(f"{path}: {describe(result)}; wrote {out}{more}")
             except LanelibError as error:
@@ -138,7 +140,8 @@ def video(args: argparse.Namespace, console: Console) -> int:
         raise LanelibError(
             f"{given}: needed a folder as output of {len(args.videos)} videos, found the name of a video"
         )
-    failed, taken = 0, set()
+    failed = 0
+    taken: set[Path] = set()
     with json_lines(args.json, sources=args.videos) as write_row:
         for path in args.videos:  # one after the other; each is independent of the others but for write_row
             try:

@@ -20,7 +20,7 @@ from lanelib.finder import LaneFinder, Rig
 from lanelib.outputs import Console, json_lines, make_folder
 from lanelib.pictures import read_image, write_bytes, write_image
 from lanelib.pipeline import progress_bar
-from lanelib.runs import TALLY_HEAD, Tally, run_picture, run_video
+from lanelib.runs import TALLY_HEAD, Tally, run_video, write_pictures
 
 BEFORE_AFTER = 2  # boards, and road pictures, shown before and after undistortion
 FAULT, BAD_INPUT = 1, 2
@@ -161,9 +161,10 @@ def _pictures(data_set: datasets.DataSet, rig: Rig, report: Report, console: Con
             with _goes_on(report, console):
                 frame = read_image(path)
                 rigs.check_fits(rig, frame.shape[1::-1], path)
-                result, _ = run_picture(frame, finder, data_set.output_images / f"{path.stem}.jpg", with_stages=True)
+                result = finder.process(frame)
                 tally.add(result)
                 write_row(result.to_row(path.name))
+                write_pictures(frame, result, finder, data_set.output_images / f"{path.stem}.jpg", with_stages=True)
             bar(number, len(images))
     report.rows.append(tally.row())
     console.note(f"{data_set.name}: {tally.frames} pictures, {tally}; wrote {data_set.output_images}")

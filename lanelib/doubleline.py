@@ -14,14 +14,16 @@ from lanelib.jointfit import JointFit, distance, line_x
 
 # half the width of one painted line; the width from which a stripe is two lines with a gap
 SINGLE_LINE_M = 0.12  # one painted line; the middle of the inner one lies half of it within the stripe's edge
-DOUBLE_FROM_M, DOUBLE_TO_M = 0.25, 0.55  # stripes of this width are two lines; a worn single one comes out up to 0.23 m
+# stripes of this width are two lines; a worn single one comes out up to 0.23 m
+DOUBLE_FROM_M, DOUBLE_TO_M = 0.25, 0.55
 REACH_M, FAR_M, MOST_ROWS = 0.6, 25.0, 40  # beyond 25 m the gap is finer than the pixels
 OFFSETS_M = np.arange(-24, 25) * (REACH_M / 24)
 GAP = 5  # samples, 12.5 cm: the dark gap between the two lines may fall below half height
 
 
 def stripe_edges(picture: np.ndarray, x_m: np.ndarray, grid: Grid) -> tuple[float, float]:
-    """Where the bright stripe along ``x_m`` begins and ends, left and right of it, in metres; equal where there is none.
+    """Where the bright stripe along ``x_m`` begins and ends, left and right of it, in metres; equal where there is
+    none.
 
     ``picture`` (H, W): rows of a bird's-eye picture of ``grid``'s columns; ``x_m`` (H,): where the line crosses them.
     """

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lanelib.camera import Camera
-from lanelib.clips import ClipScore, clip_score, lag_s
 from lanelib.errors import LanelibError
 from lanelib.labels import read_labels, read_rows
 from lanelib.scores import (
@@ -18,6 +17,7 @@ from lanelib.scores import (
     metric_score,
     pixel_score,
 )
+from lanelib.timescores import ClipScore, clip_score, lag_s
 
 __all__ = [
     "DISTANCES_M",

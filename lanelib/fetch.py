@@ -90,7 +90,9 @@ class Report:
 class Source(Protocol):
     """A place that may have files of the set."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """What to call it in messages."""
 
     def bring(self, wanted: Mapping[str, str], root: Path, say: Say) -> Iterable[Fetched]:
         """Bring those of `wanted` (path below `root`: SHA-256) that this place has, one after the other."""

@@ -63,7 +63,7 @@ class LaneFinder:
             raise LanelibError(f"a model must be one of {', '.join(MODELS)}, found {self.model!r}")
         if self.order not in ("finder", "textbook") or (self.order == "finder" and not (own and self.model == "joint")):
             raise LanelibError(
-                f"order {self.order!r} does not go with recipe {recipe!r} and model {self.model!r}; use order='textbook'"
+                f"order {self.order!r} does not go with recipe {recipe!r}, model {self.model!r}; use order='textbook'"
             )
         self.tracker = LaneTracker(smoothing=smoothing)
         self._views: dict[tuple[int, int], View] = {}
@@ -113,27 +113,26 @@ class LaneFinder:
     def _measure_joint(self, frame: np.ndarray, view: View):
         """A fit that passes every test, or None; why not; the checks."""
         points, picture = self.points(frame, view)
-        fit, reason, checks = (
-            self._track(points, view) if self.track and self.tracker.fit is not None else self._search(points, view)
-        )
-        if fit is not None:
-            fit = replace(fit, inward_m=inward(fit, picture, view.grid))
-        return fit, reason, checks
+        if self.track and self.tracker.fit is not None:
+            return self._track(points, picture, view)
+        return self._search(points, picture, view)
 
-    def _search(self, points: Points, view: View):
+    def _search(self, points: Points, picture: np.ndarray, view: View):
         """The best lane anywhere, as before the first frame."""
         prior = self.tracker.background
         fits = [jointfit.fit(points, start, prior=prior) for start in hypotheses(points, prior=prior)]
-        return self._judge(max(fits, key=lambda f: f.energy, default=None), view)
+        best = max(fits, key=lambda f: f.energy, default=None)
+        return self._judge(best and replace(best, inward_m=inward(best, picture, view.grid)), view)
 
-    def _track(self, points: Points, view: View):
+    def _track(self, points: Points, picture: np.ndarray, view: View):
         """The lane near where the last one was; in doubt, a fresh search challenges it."""
-        start = self.tracker.predict().mean
+        prior, start = self.tracker.fit_prior(), self.tracker.predict().mean
         near = jointfit.nearby(points, start, gate=2 * jointfit.TRACK_GATES[0])
-        fit = jointfit.fit(near, start, prior=self.tracker.fit_prior(), gates=jointfit.TRACK_GATES, reach_m=(140,))
-        tracked = self._judge(fit, view)
+        fit = jointfit.fit(near, start, prior=prior, gates=jointfit.TRACK_GATES, reach_m=jointfit.SEARCH_REACH_M[-1:])
+        known = self.tracker.known_inward()
+        tracked = self._judge(replace(fit, inward_m=inward(fit, picture, view.grid) if known is None else known), view)
         if self.tracker.is_in_doubt(fit, lost=tracked[0] is None):
-            fresh = self._search(points, view)
+            fresh = self._search(points, picture, view)
             if self.tracker.is_outdone(fit, fresh[0], lost=tracked[0] is None):
                 return fresh
         return tracked
@@ -146,7 +145,7 @@ class LaneFinder:
         if rows < MINIMUM_ROWS or fit.energy < MINIMUM_ENERGY:
             return (
                 None,
-                f"too little paint: {rows:.1f} rows on both lines together, {MINIMUM_ROWS:.0f} or more needed in plausible places",
+                f"too little paint: {rows:.1f} rows on both lines, {MINIMUM_ROWS:.0f} needed in likely places",
                 (),
             )
         checks = check_lane(view.lane(fit))

@@ -25,7 +25,6 @@ from lanelib.jointfit import (
     paint_value,
 )
 
-
 # Radii to try, m: each bends a line away from the next by two or three paint widths where such a curve leaves the view.
 RADII_M = np.array([2000, 900, 550, 380, 280, 210, 160, 125, 98, 77, 61, 48, 38, 30, 24, 18])
 BENDS = np.concatenate([-0.5 / RADII_M[::-1], [0], 0.5 / RADII_M])

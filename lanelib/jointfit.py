@@ -30,6 +30,7 @@ last frame's lane.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -156,7 +157,7 @@ def differ(a, b) -> bool:
 
 SEARCH_GATES = (27, 16, 10, 7, 5, 4, 4)  # widths of the biweight in standard deviations, step by step
 SEARCH_REACH_M = (35, 45, 60, 85, 120, 140)  # from near to far: a bend shows its sign before its size
-TRACK_GATES = (9, 6, 4, 4)
+TRACK_GATES = (9, 5, 4)
 
 
 def fit(
@@ -165,61 +166,72 @@ def fit(
     """Robust Gauss-Newton from ``start`` (7,) under ``prior``; always returns an estimate, ``energy`` says what it
     is worth."""
     information = np.linalg.inv(prior.covariance)
-    mean = np.asarray(start, float).copy()
-    q0, bearing, weight = points.inverse, points.bearing, points.weight / NEIGHBOURS
-    height = points.height_m
+    rate_variance = prior.covariance[RATE, RATE]
+    rate_information = information[RATE, RATE] - 1 / rate_variance
+    mean = np.array(start, float)
+    q0, height = points.inverse, points.height_m
     sigma = bearing_std(points)
-    sides = np.array([-1.0, 1.0])[:, None]
+    weight, scale = points.weight / NEIGHBOURS, 1 / sigma
+    jacobian = np.empty((7, len(points)))
     normal = information
     for step, gate in enumerate(gates):
-        far = reach_m[min(step, len(reach_m) - 1)]
-        q = np.maximum(q0 + mean[PITCH] / height, 0.004)
-        y = 1 / np.maximum(q + mean[HILL] / (2 * height) / q, 0.003)
-        slope = mean[HEADING] + y * (2 * mean[BEND] + 3 * y * mean[RATE])
-        stretch = np.sqrt(1 + slope * slope)
-        centre = mean[CENTRE] + y * (mean[HEADING] + y * (mean[BEND] + y * mean[RATE]))
-        u = (centre + sides * (mean[WIDTH] / 2) * stretch) / y  # (2, N)
-        z = (bearing - u) / sigma
+        information[RATE, RATE] = rate_information + 1 / min(rate_variance, rate_std(mean) ** 2)
+        y, slope, middle, half = seen_lane(points, mean)
+        off = points.bearing - middle
+        side = np.where(off > 0, 1.0, -1.0)  # each point belongs to the nearer line
+        z = (off - side * half) * scale
         w = weight * np.square(np.maximum(1 - np.square(z / gate), 0))
-        w[:, (q0 < 1 / far) | (np.abs(slope) > 1.0)] = 0
-        used = np.flatnonzero(w.any(axis=0))
-        w, z, yy, ss, ph, sg = w[:, used], z[:, used], y[used], slope[used], stretch[used], sigma[used]
-        # du/dparameter for both sides: (7, 2, M)
-        lean = sides * (mean[WIDTH] / 2) * ss / ph  # d(offset along x) / d slope
-        jacobian = np.empty((7, 2, len(used)))
-        jacobian[CENTRE] = 1 / yy
-        jacobian[HEADING] = 1 + lean / yy
-        jacobian[BEND] = yy + 2 * lean
-        jacobian[RATE] = (yy + 3 * lean) * yy
-        jacobian[WIDTH] = sides * ph / (2 * yy)
-        x_slope = ss + lean * (2 * mean[BEND] + 6 * yy * mean[RATE])
-        jacobian[PITCH] = (u[:, used] - x_slope) * yy / height  # du/dy dy/dpitch, with dy/dpitch = -y^2 / height
-        jacobian[HILL] = jacobian[PITCH] * yy / 2
-        jacobian = (jacobian / sg).reshape(7, -1)
-        weighted = jacobian * w.ravel()
+        w *= (q0 > 1 / reach_m[min(step, len(reach_m) - 1)]) & (np.abs(slope) < 1)
+        # du/dparameter, with x = centre line + lean: (7, N)
+        lean = side * (mean[WIDTH] / 2) * slope / np.sqrt(1 + slope * slope)
+        jacobian[CENTRE] = 1 / y
+        jacobian[HEADING] = 1 + lean / y
+        jacobian[BEND] = y + 2 * lean
+        jacobian[RATE] = (y + 3 * lean) * y
+        jacobian[WIDTH] = side * half / mean[WIDTH]
+        x_slope = slope + lean * (2 * mean[BEND] + 6 * y * mean[RATE])
+        jacobian[PITCH] = (middle + side * half - x_slope) * y / height  # du/dy dy/dpitch, dy/dpitch = -y^2 / height
+        jacobian[HILL] = jacobian[PITCH] * y / 2
+        jacobian *= scale
+        weighted = jacobian * w
         normal = weighted @ jacobian.T + information
-        gradient = weighted @ z.ravel() + information @ (prior.mean - mean)
-        mean = mean + np.linalg.solve(normal, gradient)
+        mean += np.linalg.solve(normal, weighted @ z + information @ (prior.mean - mean))
         mean[RATE] = min(max(mean[RATE], -2e-4), 2e-4)
         mean[WIDTH] = min(max(mean[WIDTH], 2.0), 6.0)
-    covariance = np.linalg.inv(normal)
     support, rms = supported_rows(points, mean)
-    energy = energy_of(mean, support, prior)
-    return JointFit(mean, covariance, support, energy, height, rms)
+    return JointFit(mean, np.linalg.inv(normal), support, energy_of(mean, support, prior), height, rms)
+
+
+def seen_lane(points: Points, mean: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """At the distance of each point, (N,) each: y in m, slope of the centre line, bearing of the centre line and
+    half the
+    bearing between the two lines."""
+    y = distance(points.inverse, mean, points.height_m)
+    slope = mean[HEADING] + y * (2 * mean[BEND] + 3 * y * mean[RATE])
+    middle = mean[CENTRE] / y + mean[HEADING] + y * (mean[BEND] + y * mean[RATE])
+    return y, slope, middle, (mean[WIDTH] / 2) * np.sqrt(1 + slope * slope) / y
+
+
+def rate_std(mean: np.ndarray) -> float:
+    """How fast the curvature of a road like this may change: standard deviation of ``rate``, 1/m^2.
+
+    Roads are laid out so that a driver feels neither more than about 2 m/s^2 of lateral acceleration nor more than
+    1 m/s^3 of jerk
+    (AASHTO Green Book, ch. 3, spiral curves). With curvature k that speed is v = sqrt(2 / k), so the curvature
+    changes by at most
+    1 / v^3 = (k / 2)^(3/2) a metre: 1e-5 on a bend of R 1 km, 8e-4 at R 60 m. One standard deviation is a third of
+    it, and rate a sixth.
+    """
+    sharpest = max(abs(mean[BEND]), abs(mean[BEND] + 90 * mean[RATE])) * 2  # at the car and 30 m ahead
+    return 3e-7 + sharpest**1.5 / 2**1.5 / 18
 
 
 def nearby(points: Points, mean: np.ndarray, *, gate: float) -> Points:
     """The points within ``gate`` standard deviations of either line of ``mean``: all that tracking needs."""
-    y = distance(points.inverse, mean, points.height_m)
-    off = np.minimum(*(np.abs(points.bearing - line_x(y, mean, side) / y) for side in (-1, 1)))
-    near = np.flatnonzero(off < gate * bearing_std(points))
-    return replace(
-        points,
-        bearing=points.bearing[near],
-        inverse=points.inverse[near],
-        row=points.row[near],
-        weight=points.weight[near],
-    )
+    _, _, middle, half = seen_lane(points, mean)
+    near = np.flatnonzero(np.abs(np.abs(points.bearing - middle) - half) < gate * bearing_std(points))
+    chosen = (array[near] for array in (points.bearing, points.inverse, points.row, points.weight))
+    return replace(points, **dict(zip(("bearing", "inverse", "row", "weight"), chosen, strict=True)))
 
 
 def paint_value(rows):
@@ -228,7 +240,8 @@ def paint_value(rows):
 
 
 def energy_of(mean: np.ndarray, support: np.ndarray, prior: Prior) -> float:
-    """What a lane is worth: the paint on both lines, less what ``prior`` objects (half the squared Mahalanobis distance).
+    """What a lane is worth: the paint on both lines, less what ``prior`` objects (half the squared Mahalanobis
+    distance).
 
     Counted line by line, so that a lane with some paint on both lines beats one with all of it on one.
     """
@@ -240,15 +253,13 @@ def energy_of(mean: np.ndarray, support: np.ndarray, prior: Prior) -> float:
 def supported_rows(points: Points, mean: np.ndarray, *, gate: float = 3.0) -> tuple[np.ndarray, float]:
     """Per line and grid row the weight of the best paint point within ``gate`` standard deviations (2, n_rows);
     weighted rms in px."""
-    y = distance(points.inverse, mean, points.height_m)
-    sigma = bearing_std(points) * points.focal_px
-    support = np.zeros((2, points.n_rows))
-    total, squares = 1e-9, 0.0
-    for i, side in enumerate((-1, 1)):
-        error = (points.bearing - line_x(y, mean, side) / y) * points.focal_px
-        z = error / sigma
-        on = np.abs(z) < gate
-        np.maximum.at(support[i], points.row[on], points.weight[on] * (1 - np.square(z[on] / gate)))
-        total += points.weight[on].sum()
-        squares += float(np.sum(points.weight[on] * np.square(error[on])))
-    return support, float(np.sqrt(squares / total))
+    _, _, middle, half = seen_lane(points, mean)
+    off = points.bearing - middle
+    error = np.abs(off) - half  # outward
+    z = np.square(error / (gate * bearing_std(points)))
+    on = np.flatnonzero(z < 1)
+    weight = points.weight[on]
+    support = np.zeros(2 * points.n_rows)
+    np.maximum.at(support, points.row[on] + points.n_rows * (off[on] > 0), weight * (1 - z[on]))
+    rms = points.focal_px * math.sqrt(float(weight @ np.square(error[on])) / max(float(weight.sum()), 1e-9))
+    return support.reshape(2, -1), rms

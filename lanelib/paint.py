@@ -45,7 +45,8 @@ class PaintPoints:
 def paint_channels(bgr: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Brightness and yellowness of a (H, W, 3) uint8 BGR picture, each (H, W) uint8.
 
-    Brightness is the plain mean: where an over-exposed road has burnt out in red, blue still tells white paint from it.
+    Brightness is the plain mean: where an over-exposed road has burnt out in red, blue still tells white paint
+    from it.
     Yellow paint on pale concrete is no brighter than the concrete; it stands out only in (R + G) / 2 - B.
     """
     blue, green, red = cv2.split(bgr)
@@ -86,7 +87,8 @@ def ridge_response(channel: np.ndarray, *, column_m: float = 0.05) -> np.ndarray
 
 
 def paint_evidence(view_bgr: np.ndarray, *, column_m: float = 0.05) -> tuple[np.ndarray, np.ndarray]:
-    """z of brightness or yellow, whichever is larger, smoothed over 3 x 3, (H, W) float32; and the picture (H, W) uint8 of
+    """z of brightness or yellow, whichever is larger, smoothed over 3 x 3, (H, W) float32; and the picture (H, W)
+    uint8 of
     brightness plus yellow in which all paint is bright."""
     brightness, yellow = paint_channels(view_bgr)
     z = cv2.max(ridge_response(brightness, column_m=column_m), ridge_response(yellow, column_m=column_m))

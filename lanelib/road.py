@@ -17,7 +17,7 @@ import numpy as np
 from .errors import LanelibError
 
 STRAIGHT_1PM = 1e-4  # below this curvature (radius above 10 km) a radius is no useful number: `radius_m` is None
-NODE_STEP_M = 1.0  # spacing of the table of the reference line; the arc between two nodes is then exact to < 0.1 mm
+NODE_STEP_M = 0.5  # spacing of the table of the reference line; the arc between two nodes is then exact to < 0.1 mm
 
 
 @dataclass(frozen=True)

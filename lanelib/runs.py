@@ -55,21 +55,20 @@ class Tally:
 TALLY_HEAD = ["", "frames", "measured", "held", "none", "confidence", "ms a frame", "s in all"]
 
 
-def run_picture(
-    frame: np.ndarray, finder: LaneFinder, out: Path, *, with_stages: bool = False
-) -> tuple[LaneResult, list[Path]]:
-    """The lane in one picture (H, W, 3) BGR, drawn to `out`; `with_stages` also every intermediate picture beside it.
+def write_pictures(
+    frame: np.ndarray, result: LaneResult, finder: LaneFinder, out: Path, *, with_stages: bool = False
+) -> list[Path]:
+    """Draw the result of one frame (H, W, 3) BGR to `out`; returns what was written.
 
-    They are numbered in the order of the pipeline. Returns the result and what was written.
+    `with_stages`: also every intermediate picture beside it, numbered in the order of the pipeline.
     """
-    result = finder.process(frame)
     wrote = [write_image(out, draw.overlay(frame, result))]
     if with_stages:
         pictures = stages.stages(frame, finder, result)
         pictures["diagnostic"] = draw.diagnostic(frame, pictures, result)
         for number, (name, picture) in enumerate(list(pictures.items())[1:], 1):  # the first is the frame itself
             wrote.append(write_image(out.with_name(f"{out.stem}_{number}_{name}.jpg"), picture))
-    return result, wrote
+    return wrote
 
 
 def run_video(
@@ -114,14 +113,15 @@ def picture_of(view: str, frame: np.ndarray, result: LaneResult, finder: LaneFin
 
 def describe(result: LaneResult) -> str:
     """A result in words, on one line."""
-    if not result:
+    if result.lane is None:
         return f"no lane: {result.reason}"
-    radius = result.radius_m
-    side = "right" if result.offset_m > 0 else "left"
+    lane = result.lane
+    radius, offset_m = lane.radius_m, lane.offset_m
+    side = "right" if offset_m > 0 else "left"
     bend = "straight"
-    if radius is not None and np.isfinite(radius):
-        bend = f"radius {radius:.0f} m to the {'left' if result.curvature_1pm > 0 else 'right'}"
+    if np.isfinite(radius):
+        bend = f"radius {radius:.0f} m to the {'left' if lane.curvature_1pm > 0 else 'right'}"
     return (
-        f"{result.status}, {bend}, {abs(result.offset_m):.2f} m {side} of centre, lane {result.width_m:.2f} m wide, "
+        f"{result.status}, {bend}, {abs(offset_m):.2f} m {side} of centre, lane {float(lane.width_m()):.2f} m wide, "
         f"confidence {result.confidence:.2f}"
     )

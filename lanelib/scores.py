@@ -155,9 +155,10 @@ def _x_of_distance(line_m: list, at_m: np.ndarray) -> np.ndarray:
 
 
 def _pose_of(prediction: Mapping, road_from, *, far_m: float = 30.0) -> dict:
-    """Offset, heading, curvature and width of the predicted pixels alone: x = C_left or C_right + slope y + A y^2 + B y^3.
+    """Offset, heading, curvature and width of the predicted pixels alone.
 
-    Least squares over both lines to `far_m`, each point weighted with 1 / y: a pixel is y / focal length wide there.
+    x = C_left or C_right + slope y + A y^2 + B y^3 (a clothoid): least squares over both lines to `far_m`, each
+    point weighted with 1 / y, because a pixel is y / focal length wide there.
     """
     nothing = dict.fromkeys(("offset_m", "lane_width_m", "curvature_1pm", "heading_rad"), NAN)
     rows, values = [], []

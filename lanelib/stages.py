@@ -1,7 +1,7 @@
 """Every intermediate picture of one frame, by name: what the pipeline saw on its way.
 
-The finder itself never makes most of these: it goes from the raw frame to the small view in one step. Here the textbook's order is
-spelled out, so that a person can look at each step; the lane drawn is the finder's own.
+The finder itself never makes most of these: it goes from the raw frame to the small view in one step. Here the
+textbook's order is spelled out, so that a person can look at each step; the lane drawn is the finder's own.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ EVIDENCE_WH = (640, 360)  # the scan, 385 x 136 with rows spaced by perspective,
 def stages(frame_bgr: np.ndarray, finder, result=None) -> dict[str, np.ndarray]:
     """Pictures of one frame by the names of ``NAMES``, in that order; all uint8, BGR (masks: (H, W) 0/255).
 
-    ``finder``: a `finder.LaneFinder`; its state over time is not touched. ``result``: what it said about this frame; without it
-    the frame is looked at on its own. Raises LanelibError for a frame that the rig does not fit.
+    ``finder``: a `finder.LaneFinder`; its state over time is not touched. ``result``: what it said about this
+    frame; without it the frame is looked at on its own. Raises LanelibError for a frame that the rig does not
+    fit.
     """
     frame = as_bgr(frame_bgr)
     view = finder.view((frame.shape[1], frame.shape[0]))
@@ -40,12 +41,19 @@ def stages(frame_bgr: np.ndarray, finder, result=None) -> dict[str, np.ndarray]:
     textbook = finder.order == "textbook"
     points = view.points_of_mask(view.scan_undistorted(mask)) if textbook else view.points(paint_points(z))
     metres = np.column_stack([points.bearing, np.ones(len(points))]) / points.inverse[:, None]
-    fit = draw.birdseye(birdseye, grid, lane=result.lane, points_m=metres, weights=points.weight, held=result.status == "held")
+    fit = draw.birdseye(
+        birdseye, grid, lane=result.lane, points_m=metres, weights=points.weight, held=result.status == "held"
+    )
     return {
-        "frame": frame, "undistorted": undistorted, "mask": mask,
-        "evidence": draw.heat(cv2.resize(z, EVIDENCE_WH), top=STRONG_Z), "birdseye": birdseye, "birdseye_mask": birdseye_mask,
+        "frame": frame,
+        "undistorted": undistorted,
+        "mask": mask,
+        "evidence": draw.heat(cv2.resize(z, EVIDENCE_WH), top=STRONG_Z),
+        "birdseye": birdseye,
+        "birdseye_mask": birdseye_mask,
         "windows": draw.draw_windows(birdseye_mask, windows.find_pixels(birdseye_mask, grid)),
-        "fit": fit, "lane": draw.overlay(frame, result),
+        "fit": fit,
+        "lane": draw.overlay(frame, result),
     }
 
 
@@ -57,14 +65,16 @@ def stage(name: str, frame_bgr: np.ndarray, finder, result=None) -> np.ndarray:
 
 
 def without_memory(finder):
-    """A finder that shares the tables of this one, looks at each frame on its own and leaves this one's state alone."""
+    """A finder that shares the tables of this one, looks at each frame on its own and leaves this one's state
+    alone."""
     alone = copy(finder)
     alone.track = False
     return alone
 
 
 def diagnostic(frame_bgr: np.ndarray, finder, result=None, *, size_wh: tuple[int, int] = (1280, 720)) -> np.ndarray:
-    """`draw.diagnostic` of a frame with all its stages. A frame that the rig does not fit is shown with the reason alone."""
+    """`draw.diagnostic` of a frame with all its stages. A frame that the rig does not fit is shown with the
+    reason alone."""
     if result is None:
         result = without_memory(finder).process(frame_bgr)
     try:

@@ -21,19 +21,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lanelib.errors import LanelibError
-from lanelib.jointfit import CENTRE, PITCH, UNKNOWN_ROAD, WIDTH, JointFit, Prior, differ, energy_of
+from lanelib.jointfit import CENTRE, PITCH, RATE, UNKNOWN_ROAD, WIDTH, JointFit, Prior, differ, energy_of, rate_std
 
-# How fast each number changes: standard deviation of a step from frame to frame at 25 frames a second. Centre: 2
-# m/s sideways; heading: half
-# a radian a second; bend: from straight to R 60 m in a second; pitch: 6 degrees a second over bumps. Half of it
-# lags on a winding road, three
-# times of it jitters on a motorway (notebook 05).
-STEP_STD = np.array([0.1, 0.02, 4e-4, 1.2e-5, 0.03, 0.004, 6e-5])
+# How fast each number changes: standard deviation of a step from frame to frame at 25 frames a second. Centre: 2 m/s
+# sideways; heading: half a radian a second; bend: from straight to R 60 m in half a second; rate: not followed at all,
+# each frame tells it anew; pitch: 6 degrees a second over bumps. Half of these lag on a winding road, three times of
+# them jitter on a motorway (notebook 05).
+STEP_STD = np.array([0.1, 0.02, 8e-4, 1.0, 0.03, 0.004, 6e-5])
 CLEAR_ROWS = 6.0  # with so many rows of paint on the weaker line the tracked lane is beyond doubt ...
 # ... unless it has less paint than this share of the last second's: it may have left the prediction behind
 FADING = 0.8
 LOOK_AGAIN = 4  # in doubt, every fourth frame is searched afresh ...
 RIVAL_ENERGY = 3.0  # ... and another lane takes over when it is worth this much more, in two frames running
+LOOK_AT_WIDTH = 4  # whether a line is a double one is looked at in every fourth frame
 HOLD_FRAMES = 12  # half a second at 25 frames a second: longer, and the car has left what was known
 SMOOTHING = ("none", "average", "exponential", "kalman")
 
@@ -71,6 +71,7 @@ class LaneTracker:
         self.step_std = np.asarray(step_std, float)
         self._history: deque[JointFit] = deque(maxlen=n if smoothing == "average" else 1)
         self._drive_pitch = 0.0
+        self._frames = 0
         self.reset()
 
     def reset(self) -> None:
@@ -100,7 +101,8 @@ class LaneTracker:
         if self.fit is None:
             return None
         base = self.background
-        spread = np.diag(base.covariance)
+        spread = np.diag(base.covariance).copy()
+        spread[RATE] = min(spread[RATE], rate_std(self.fit.mean) ** 2)
         r = np.sqrt(1 - np.minimum(self.step_std**2 / spread, 1))
         mean = base.mean + r * (self.fit.mean - base.mean)
         covariance = self.fit.covariance * np.outer(r, r) + np.diag((1 - r**2) * spread)
@@ -126,8 +128,8 @@ class LaneTracker:
         if self.fit is None:
             self._usual_rows = float(fit.support.sum())
         smoothed = self._smooth(fit)
-        if self.fit is not None:  # a double line stays one while a frame is unsure of it
-            calm = [old + 0.2 * (new - old) for old, new in zip(self.fit.inward_m, fit.inward_m, strict=True)]
+        if self.fit is not None and self.fit.inward_m != fit.inward_m:  # a double line stays one while a frame is unsure of it
+            calm = [old + 0.4 * (new - old) for old, new in zip(self.fit.inward_m, fit.inward_m, strict=True)]
             smoothed = replace(smoothed, inward_m=tuple(calm))
         self._drive_pitch += 0.02 * (smoothed.mean[PITCH] - self._drive_pitch)
         self.fit, handover = handed_over(smoothed)
@@ -135,6 +137,12 @@ class LaneTracker:
             self._history.clear()
         self._history.append(self.fit if handover else fit)
         return Event("measured", 0, "", handover)
+
+    def known_inward(self) -> tuple[float, float] | None:
+        """How much further in a double line's boundary lies, as the last frames said; None when it is time to look
+        again."""
+        self._frames += 1
+        return None if self.fit is None or self._frames % LOOK_AT_WIDTH == 0 else self.fit.inward_m
 
     def is_in_doubt(self, fit: JointFit, *, lost: bool) -> bool:
         """Whether this frame is to be searched afresh beside the tracked ``fit`` (``lost``: it failed its tests)."""

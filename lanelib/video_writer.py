@@ -83,7 +83,7 @@ class VideoWriter:
     def write(self, frame: np.ndarray, *, time_s: float | None = None) -> None:
         """Append a frame at `time_s` from the start (default: the next one at the nominal rate)."""
         if self._process is None:
-            self._start(frame)
+            self._start(frame, time_s or 0.0)
         if frame.dtype != np.uint8 or frame.shape != self._shape:
             raise LanelibError(f"{self.path}: needed every frame as uint8 of shape {self._shape}, "
                                f"found {frame.dtype} of shape {frame.shape}")
@@ -130,7 +130,7 @@ class VideoWriter:
         why = reason("\n".join(self._said)) if self._said else f"it ended with status {self._process.returncode}"
         return LanelibError(f"{self.path}: cannot write the video, ffmpeg says: {why}")
 
-    def _start(self, first: np.ndarray) -> None:
+    def _start(self, first: np.ndarray, first_s: float) -> None:
         if self.size_wh is None:
             if first.ndim != (3 if self._pixel_format == "bgr24" else 2):
                 raise LanelibError(f"{self.path}: needed {self._pixel_format} frames, found shape {first.shape}")
@@ -144,7 +144,8 @@ class VideoWriter:
         filters += ["format=yuv420p", f"setparams=range=tv{f':colorspace={matrix}' if matrix else ''}"]
         self._process = subprocess.Popen(
             [ffmpeg_exe(), "-hide_banner", "-nostats", "-y", "-loglevel", "level+warning", "-probesize", "32",
-             "-analyzeduration", "0", "-f", "matroska", "-i", "pipe:0", *self._audio_input(), "-map", "0:v:0",
+             "-analyzeduration", "0", "-itsoffset", f"{first_s:.6f}",  # else ffmpeg moves the first frame to 0
+             "-f", "matroska", "-i", "pipe:0", *self._audio_input(), "-map", "0:v:0",
              "-vf", ",".join(filters), "-c:v", "libx264", "-preset", self._preset, "-crf", f"{self._crf:g}",
              "-threads", str(self._threads), "-fps_mode", "passthrough", "-enc_time_base", f"1/{self._timescale}",
              "-video_track_timescale", str(self._timescale), "-movflags", "+faststart", file_url(self._part)],

@@ -22,7 +22,7 @@ from .stills import merged
 from .world import World, mounting_of
 
 FOLDER = ROOT / "test_videos" / "rendered"
-WORK = HERE / "frames"  # not in git
+WORK = ROOT / "build" / "frames"  # not in git
 LOOK = 1
 CRF, EXPOSURE_S = 22, 1 / 120  # H.264 quality; shutter of a dash cam in daylight
 
@@ -100,7 +100,7 @@ def render_clips(names=(), *, spp=6, frames=None, every=1, shrink=1, work=None):
                 section = i // (fps * clip["section_s"])
                 t0 = section * clip["section_s"]
                 world = World(clip, s_from=drive.pose(t0).s_m, s_to=drive.pose(t0 + clip["section_s"]).s_m, moving=True)
-            frame, truth, _ = shoot(world, drive.pose(t), time_s=t, mounting=drive.mounted(t), spp=spp, seed=i, shrink=shrink,
+            frame, truth = shoot(world, drive.pose(t), time_s=t, mounting=drive.mounted(t), spp=spp, seed=i, shrink=shrink,
                                     raw_file=f"{name}:{i:06d}", tags=_tags(clip, drive.pose(t).s_m), max_depth=clip.get("max_depth", 4),
                                     end=(drive.pose(t + EXPOSURE_S), drive.mounted(t + EXPOSURE_S)))
             truth["time_s"] = round(t, 4)

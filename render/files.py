@@ -26,7 +26,6 @@ def write_json(path: Path, content: dict, *, indent: int | None = 1) -> None:
     text = json.dumps(content, indent=indent)
     if indent:
         text = re.sub(r"\[\s+(?=[-\d])([^\[\]{}]*?)\s+\]", lambda m: "[" + re.sub(r"\s+", " ", m[1]) + "]", text)
-        text = re.sub(r"\](,)\s+(?=\[[-\d])", r"],\n    ", text)
     write_bytes(path, (text + "\n").encode())
 
 

@@ -1,6 +1,6 @@
 """Trees, bushes and grass as triangle soup: thousands of Mitsuba instances are slow, one merged mesh is not."""
 
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 
@@ -20,7 +20,7 @@ THINNER = (1.0, 2.4, 5.5, 14.0, 40.0)  # leaves are this many times fewer (and l
 LEVEL_FROM_M = (16.0, 36.0, 80.0, 170.0)  # distance at which the next level begins
 
 
-@lru_cache(maxsize=None)
+@cache
 def tree(species: str, variant: int, level: int):
     """(bark points, bark faces, leaf points, leaf faces, leaf colours) of one plant standing at the origin."""
     sp = SPECIES[species]
@@ -62,7 +62,7 @@ def tree(species: str, variant: int, level: int):
     tips = np.array(tips)
     scale = h / max(tips[:, 2].max(), 1e-3)
     drop = np.array([0, 0, -0.10 * h * (species in ("oak", "gum"))])  # crowns hang lower than their twigs
-    bark_points, bark_faces = _tubes(segments, 5 if level < 2 else 3, 0 if level == 0 else 0.012 * level**2)
+    bark_points, bark_faces = _tubes(segments, 5 if level < 2 else 3, 0.0022 * level**2)
     # leaves come in clumps about the twigs, denser about some than about others: that makes gaps in the crown
     weight = rng.gamma(1.2 if species in ("gum", "bare") else 2.0, 1.0, len(tips))
     at = rng.choice(len(tips), n, p=weight / weight.sum())
@@ -102,11 +102,11 @@ def _tubes(segments, sides, thinnest):
     return points.reshape(-1, 3), faces.reshape(-1, 3)
 
 
-@lru_cache(maxsize=None)
+@cache
 def tuft(variant: int):
     """A tuft of dry grass: blades of one triangle."""
     rng = np.random.default_rng(50 + variant)
-    n, h, color = 60, (0.32, 0.45, 0.22)[variant % 3], ((0.38, 0.28, 0.13), (0.33, 0.25, 0.11), (0.24, 0.22, 0.09))[variant % 3]
+    n, h, color = 60, (0.32, 0.45, 0.22)[variant % 3], ((0.42, 0.345, 0.20), (0.36, 0.305, 0.175), (0.27, 0.255, 0.13))[variant % 3]
     base = np.c_[rng.normal(0, 0.16, (n, 2)), np.zeros(n)]
     top = base + np.c_[rng.normal(0, 0.12, (n, 2)), rng.uniform(0.4, 1.1, n) * h]
     wide = np.c_[rng.normal(0, 0.008, (n, 2)), np.zeros(n)]
@@ -114,7 +114,7 @@ def tuft(variant: int):
     return points, np.arange(3 * n).reshape(-1, 3), np.repeat(np.array(color) * rng.uniform(0.6, 1.3, (n, 1)), 3, 0)
 
 
-BRIGHTER = 1.7  # a leaf that also lets light through shows only half of its albedo on either side
+BRIGHTER = 1.4  # a leaf that also lets light through shows only half of its albedo on either side
 
 
 class Garden:

@@ -53,21 +53,28 @@ def haze(light, depth, air):
 
 
 def shoot(world, pose: CarPose, *, spp=24, seed=0, shrink=1, raw_file="", tags=(), time_s=None, mounting=None, end=None,
-          max_depth=5, exposure=None, noise_seed=None):
-    """(frame_bgr, truth, exposure) of one moment."""
+          max_depth=5, keep=None):
+    """(frame_bgr, truth) of one moment.
+
+    end: pose and mounting at the end of the exposure. keep: a file for the light before it is developed (float16), so
+    that the camera's settings can be tuned with `redevelop` without tracing again.
+    """
     scene, lens = world.scene, true_lens()
     mounting = mounting or mounting_of(scene)
     loaded = world.load(pose, time_s=time_s, mounting=mounting)
     m = pose.world_from_car(world.road)
     light, depth = light_of(loaded, camera_pose(m, mounting), spp=spp, seed=seed, shrink=shrink, max_depth=max_depth,
                             end_pose=None if end is None else camera_pose(end[0].world_from_car(world.road), end[1]))
-    light = haze(light, depth, scene.get("air", {}))
-    camera = dict(scene.get("camera", {}))
-    exposure = exposure or camera["exposure"]
-    camera["exposure"] = exposure
-    frame = develop(light, seed=seed if noise_seed is None else noise_seed, **camera)
     left, right = lane_of(scene)
     truth = frame_truth(world.road, pose, mounting, lens.camera_matrix, lens.distortion, lens.size_wh, left, right,
                         raw_file=raw_file, tags=tags, h_samples=H_SAMPLES, hidden=hidden_test(loaded, m, mounting))
     dr.flush_malloc_cache()
-    return frame, truth, exposure
+    if keep is not None:
+        keep.parent.mkdir(parents=True, exist_ok=True)
+        np.savez(keep, light=np.minimum(light, 6e4).astype(np.float16), depth=depth.astype(np.float16))
+    return redevelop(light, depth, scene, seed), truth
+
+
+def redevelop(light, depth, scene, seed):
+    """The air and the camera: from traced light to frame_bgr."""
+    return develop(haze(light.astype(np.float32), depth.astype(np.float32), scene.get("air", {})), seed=seed, **scene["camera"])

@@ -6,7 +6,6 @@ the footprint outgrows it, so that neither near nor far road aliases.
 """
 
 import drjit as dr
-import numpy as np
 
 from .noise import tile
 from .tracer import mi

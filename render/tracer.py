@@ -17,14 +17,14 @@ if "DRJIT_LIBLLVM_PATH" not in os.environ:  # Debian's LLVM 14 and 15 do not wor
     if found:
         os.environ["DRJIT_LIBLLVM_PATH"] = min(found, key=lambda f: abs(f[0] - 19))[1]
 
-import drjit as dr  # noqa: E402
-import mitsuba as mi  # noqa: E402
-import numpy as np  # noqa: E402
+import drjit as dr
+import mitsuba as mi
+import numpy as np
 
 mi.set_variant("llvm_ad_rgb")
 dr.set_thread_count(int(os.environ.get("RENDER_THREADS", "2")))
 
-from .lens import Lens  # noqa: E402
+from .lens import Lens
 
 FILTER_SD_PX = 0.42  # a Gaussian of this width is about what a sharp lens and a square pixel give together
 

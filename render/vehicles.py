@@ -62,7 +62,7 @@ def car(color=(0.02, 0.02, 0.022), shape="saloon"):
     flat = np.vstack([flat, [[0, 0, .62]]])
     tail = np.array([[i, cap, (i + 1) % columns] for i in range(columns)])
     paint, black = glossy(color, .3, .5, .2, .8), glossy((.015, .015, .016), .6)
-    parts = [(flat, np.vstack([faces[~glass], tail]), paint), (flat, faces[glass], glossy((.012, .014, .016), .08, .7))]
+    parts = [(flat, np.vstack([faces[~glass], tail]), paint), (flat, faces[glass], glossy((.012, .014, .016), .15, .35))]
     red = glossy((.42, .012, .012), .2, .6)
     low = .74 if shape == "saloon" else .95
     for sign in (1, -1):

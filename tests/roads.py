@@ -74,7 +74,7 @@ def points_on_lane(lane: Lane7, *, y_m=None, sides=(-1, 1), height_m=1.3, focal_
     # seen from height h a point of the road at distance y, height bend y^2 / 2, lies (h - hill y^2 / 2) / y below
     # the horizontal; the camera looks pitch further down than the rig says, which moves it up by as much
     depression = (height_m - lane.hill * y**2 / 2) / y - lane.pitch
-    bearing, inverse, row, weight = [], [], [], []
+    bearing, inverse, row, weight = [[]], [[]], [[]], [[]]
     for side in sides:
         on = np.ones(len(y), bool)
         if gaps and side in gaps:
@@ -168,3 +168,18 @@ def paint_frame(lane: Lane7, *, size_wh=SIZE_WH, far_m=90.0, paint_m=0.13, dashe
     frame = cv2.GaussianBlur(frame, (0, 0), 0.6).astype(float)
     frame += np.random.default_rng(seed).normal(0, noise, frame.shape)
     return np.uint8(np.clip(np.rint(frame), 0, 255))
+
+
+def points_on_grid(lane: Lane7, grid, *, height_m, focal_px, gaps=None, rng=None, px=0.0, drop=0.0) -> Points:
+    """Paint points of a flat-road lane as a scan of ``grid`` would give them: one a row and line, in its columns' reach.
+
+    ``rng`` scatters them by ``px`` pixels and drops a share ``drop`` of them.
+    """
+    y = 1 / (1 / grid.y_m + lane.pitch / height_m)
+    lines = points_on_lane(lane, y_m=y, height_m=height_m, focal_px=focal_px, gaps=gaps)
+    seen = np.abs(lines.bearing / lines.inverse) < grid.x_m[-1]
+    bearing = lines.bearing
+    if rng is not None:
+        bearing = bearing + rng.normal(0, px, len(bearing)) / focal_px
+        seen &= rng.random(len(bearing)) >= drop
+    return points(*(v[seen] for v in (bearing, lines.inverse, lines.row, lines.weight)), focal_px, height_m, len(y))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from chessboards import CAMERA, POSES, bend_m, render
 
-from lanelib.calibration import BoardView, board_points, calibrate
+from lanelib.calibration import BoardView, _fit_size, board_points, calibrate
 from lanelib.camera import INTRINSICS, Camera
 from lanelib.chessboard import straightness_px
 from lanelib.errors import LanelibError
@@ -226,3 +226,9 @@ def test_the_real_board_is_bent(udacity_dir):
     result = calibrate(udacity_dir, flat=False)
     assert result.rms_px < 0.52
     assert sum(board.used for board in result.boards) == 18  # two are not seen whole
+
+
+def test_corners_of_a_larger_picture_are_brought_to_the_common_size_by_the_edges_of_pixels():
+    view = BoardView("a", True, "", None, (3, 3), np.array([[-0.5, -0.5], [1319.5, 779.5], [659.5, 389.5]]))
+    fitted = _fit_size(view, (1320, 780), (660, 390))
+    np.testing.assert_allclose(fitted.corners_px, [[-0.5, -0.5], [659.5, 389.5], [329.5, 194.5]])

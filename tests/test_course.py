@@ -108,7 +108,7 @@ def test_a_fault_is_told_from_bad_input(project, monkeypatch):
     def fail(*_, **__):
         raise ZeroDivisionError("oh\nno")
 
-    monkeypatch.setattr(course, "run_picture", fail)
+    monkeypatch.setattr(course, "write_pictures", fail)
     log = Log()
     assert course.run_course(videos=False, console=log) == 1
     assert any("a fault of lanelib (ZeroDivisionError: oh no)" in line for line in log.complaints)
@@ -119,7 +119,7 @@ def test_a_set_without_a_rig_takes_the_known_one_that_fits(project):
     (project / "rigs/mine.json").rename(project / "rigs/other.json")
     log = Log()
     assert course.run_course(videos=False, console=log) == 0
-    assert "No rig of its own; rig mine: median confidence" in (project / "output_images/mine/summary.md").read_text()
+    assert "No rig of its own; rig mine: fits best" in (project / "output_images/mine/summary.md").read_text()
     (project / "rigs/other.json").unlink()
     assert course.run_course(videos=False, console=Log()) == 2
 

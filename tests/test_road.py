@@ -204,3 +204,11 @@ def test_bad_input_says_so_in_one_line(bad):
     with pytest.raises(LanelibError) as error:
         bad()
     assert "\n" not in str(error.value)
+
+
+def test_the_lane_beside_the_reference_line_has_its_own_radius():
+    left, right = Marking(3.2), Marking(6.8)
+    for kappa, radius in ((1 / 100, 105), (-1 / 100, 95)):  # the outer lane of a left bend is wider
+        truth = frame_truth(Road([0], [kappa]), CarPose(d_m=5.0), Mounting(), K, DIST, SIZE, left, right)
+        assert truth["radius_m"] == pytest.approx(radius, abs=1e-3)
+        assert np.sign(truth["curvature_1pm"]) == np.sign(kappa)

@@ -1,5 +1,6 @@
 """Reading, writing and processing video, on clips whose every frame carries its number."""
 
+import io
 import os
 import resource
 import signal
@@ -8,6 +9,7 @@ import sys
 import textwrap
 import threading
 import time
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -20,7 +22,7 @@ import pytest
 from lanelib import ffmpeg, matroska
 from lanelib.errors import LanelibError
 from lanelib.pipeline import ProgressBar, process_video
-from lanelib.video import VideoWriter, probe, read_frames
+from lanelib.video import VideoWriter, _ReadingLog, probe, read_frames
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -267,6 +269,9 @@ def test_a_truncated_file_yields_its_frames_and_says_so(tmp_path, name, audio_s)
     assert 3 <= len(read) < 38
     assert read[:-1] == list(range(len(read) - 1))
     assert frames.damage.truncated and "cut off" in str(frames.damage)
+    with read_frames(path) as frames:  # the judgement stays when the block ends
+        seen = sum(1 for _ in frames), frames.damage
+    assert seen == (len(read), frames.damage) and frames.damage.truncated
     whole = tmp_path / f"whole_{name}"
     with read_frames(whole) as frames:
         assert len(list(frames)) == 38
@@ -283,6 +288,27 @@ def test_corrupt_packets_are_skipped_and_counted(tmp_path):
     assert not damage.truncated
     assert read[-1][1] == pytest.approx(39 / 25)  # the times of those that are left have not moved
     assert "lost" in str(damage) and "\n" not in str(damage)
+
+
+def test_a_file_shorter_than_its_header_says(plain):
+    with read_frames(plain) as frames:
+        frames.info = replace(frames.info, duration_s=1.0)  # it has 0.8 s, and ffmpeg finds nothing wrong
+        assert len(list(frames)) == 20
+    assert frames.damage.truncated
+
+
+def test_messages_in_the_middle_of_other_lines_are_seen():
+    """ffmpeg's threads write to stderr at once; what one writes in pieces another may interrupt, without a prefix."""
+    said = (b"[info] Stream mapping:\n[Parsed_showinfo_0 @ 0x1] [info] config in time_base: 1/25, frame_rate: 25/1\n"
+            b"[Parsed_showinfo_0 @ 0x1] [info] n:   0 pts:      3 pts_time:0.12 fmt:yuv420p s:160x96 i:P "
+            b"File ended prematurely\n\n[Parsed_showinfo_0 @ 0x1] [info] color_range:tvcorrupt decoded frame\n"
+            b"[Parsed_showinfo_0 @ 0x1] [info] color_space:x[d @ 0x2] [error] Error submitting packet to decoder: no\n")
+    log = _ReadingLog(io.BytesIO(said))
+    log.thread.join()
+    damage = log.damage(truncated=False)
+    assert log.next_time() == pytest.approx(0.12)
+    assert (damage.truncated, damage.corrupt_frames, damage.lost_packets) == (True, 1, 1)
+    assert damage.messages == ("Error submitting packet to decoder: no",)
 
 
 def test_a_file_of_which_nothing_decodes(tmp_path):
@@ -352,6 +378,15 @@ def test_given_times_are_kept(tmp_path):
     assert [clips.frame_number(f.frame_bgr) for f in read] == list(range(8))
     assert [f.time_s for f in read[:6]] == pytest.approx(times_s[:6], abs=2e-5)
     assert read[5].time_s < read[6].time_s < read[7].time_s < 1.04
+
+
+def test_pictures_that_begin_after_the_sound_stay_where_they_are(tmp_path):
+    source = clips.clip(tmp_path / "in.mp4", audio_s=1.0)
+    with VideoWriter(tmp_path / "out.mp4", audio_from=source) as writer:
+        for i in range(5):
+            writer.write(clips.picture(i, (160, 96)), time_s=0.4 + i / 25)
+    with read_frames(tmp_path / "out.mp4") as frames:
+        assert [f.time_s for f in frames] == pytest.approx([0.4 + i / 25 for i in range(5)], abs=1e-4)
 
 
 @pytest.mark.parametrize("pixel_format", ["yuv420p", "nv12"])

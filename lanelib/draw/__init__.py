@@ -28,11 +28,35 @@ from lanelib.draw.overlays import (
     radius_text,
     status_text,
 )
-from lanelib.draw.palette import PALETTE, bgr
-from lanelib.draw.panels import birdseye, birdseye_beside, diagnostic, fitted, histogram_panel, side_by_side
+from lanelib.draw.palette import PALETTE, SERIES, bgr
+from lanelib.draw.panels import birdseye, fitted, histogram_panel, side_by_side
+from lanelib.draw.screens import birdseye_beside, diagnostic
 
 __all__ = [
-    "PALETTE", "Canvas", "bgr", "birdseye", "birdseye_beside", "diagnostic", "difference", "draw_corners", "draw_line", "draw_overlay", "draw_points",
-    "draw_polygon", "draw_windows", "fitted", "heat", "histogram_panel", "mask_to_colour", "offset_text", "overlay", "overlay_bgr",
-    "overlay_yuv420", "put_text", "radius_text", "side_by_side", "status_text",
+    "PALETTE",
+    "SERIES",
+    "Canvas",
+    "bgr",
+    "birdseye",
+    "birdseye_beside",
+    "diagnostic",
+    "difference",
+    "draw_corners",
+    "draw_line",
+    "draw_overlay",
+    "draw_points",
+    "draw_polygon",
+    "draw_windows",
+    "fitted",
+    "heat",
+    "histogram_panel",
+    "mask_to_colour",
+    "offset_text",
+    "overlay",
+    "overlay_bgr",
+    "overlay_yuv420",
+    "put_text",
+    "radius_text",
+    "side_by_side",
+    "status_text",
 ]

@@ -1,8 +1,8 @@
 """Two ways to hold a frame, BGR and planar YUV 4:2:0, and the one way to draw on both: polygons and layers.
 
-A `Canvas` is a list of planes: views into the frame's own memory, so what is drawn appears in the frame. A BGR picture is one plane of
-three channels; a YUV420p frame has three planes of one channel, two of them at half size. Nothing is converted, and only the
-bounding box of what is drawn is touched.
+A `Canvas` is a list of planes: views into the frame's own memory, so what is drawn appears in the frame. A BGR
+picture is one plane of three channels; a YUV420p frame has three planes of one channel, two of them at half
+size. Nothing is converted, and only the bounding box of what is drawn is touched.
 """
 
 from __future__ import annotations
@@ -19,17 +19,21 @@ SHIFT = 4  # OpenCV's fixed-point coordinates: 1/16 px
 FADE_STEPS, ROWS_PER_STEP = 12, 6  # a step of a lane's opacity then is 3 %: not seen
 FARTHEST_PX = 30000  # points farther out are pulled in; OpenCV's integers would wrap around
 
-# Video range ("16..235") of ITU-R BT.601, as COLOR_BGR2YUV_I420 has it; rows Y, U, V; columns B, G, R, 1 (255 at full cover)
-YUV_FROM_BGR1 = np.float32([
-    [0.0979, 0.5041, 0.2568, 16 / 255],
-    [0.4392, -0.2910, -0.1482, 128 / 255],
-    [-0.0714, -0.3678, 0.4392, 128 / 255],
-])
+# Video range (16..235) of ITU-R BT.601, as COLOR_BGR2YUV_I420 has it. Rows Y, U, V; columns B, G, R and the coverage
+YUV_FROM_BGR1 = np.array(
+    [
+        [0.0979, 0.5041, 0.2568, 16 / 255],
+        [0.4392, -0.2910, -0.1482, 128 / 255],
+        [-0.0714, -0.3678, 0.4392, 128 / 255],
+    ],
+    np.float32,
+)
 
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """One array of a frame, (h, w) or (h, w, 3), its scale against the frame, and which of the colour's numbers it holds."""
+    """One array of a frame, (h, w) or (h, w, 3), its scale against the frame, and which of the colour's numbers
+    it holds."""
 
     pixels: np.ndarray
     scale: float
@@ -46,20 +50,28 @@ class Canvas:
     @classmethod
     def of_bgr(cls, frame: np.ndarray) -> Canvas:
         """A frame (H, W, 3) uint8 BGR."""
-        if not (isinstance(frame, np.ndarray) and frame.dtype == np.uint8 and frame.ndim == 3 and frame.shape[2] == 3 and frame.size):
-            raise LanelibError(f"a BGR frame (H, W, 3) of uint8 is needed to draw on, found {_found(frame)}; convert it first")
+        fits = isinstance(frame, np.ndarray) and frame.dtype == np.uint8 and frame.ndim == 3 and frame.shape[2] == 3
+        if not (fits and frame.size and frame.strides[1:] == (3, 1) and frame.flags.writeable):
+            raise LanelibError(
+                f"a BGR frame (H, W, 3) of uint8 that may be written is needed, found {_found(frame)}; draw on a copy"
+            )
         return cls((Plane(frame, 1.0, slice(0, 3)),), (frame.shape[1], frame.shape[0]))
 
     @classmethod
     def of_yuv420(cls, frame: np.ndarray) -> Canvas:
         """A frame (H * 3 / 2, W) uint8, planar Y, U, V ("yuv420p", "I420"), H and W even."""
-        shape = frame.shape if isinstance(frame, np.ndarray) else ()
-        if len(shape) != 2 or frame.dtype != np.uint8 or not frame.size or shape[0] % 3 or shape[1] % 2 \
-                or not frame.flags.c_contiguous:
-            raise LanelibError(f"a YUV420p frame (H*3/2, W) of uint8 in one piece is needed, found {_found(frame)}; H and W are even")
+        fits = isinstance(frame, np.ndarray) and frame.dtype == np.uint8 and frame.ndim == 2 and frame.size > 0
+        if not (fits and frame.flags.c_contiguous and frame.flags.writeable) or frame.shape[0] % 3 or frame.shape[1] % 2:
+            raise LanelibError(
+                f"a YUV420p frame (H*3/2, W) of uint8 in one piece is needed, found {_found(frame)}; H and W are even"
+            )
+        shape = frame.shape
         height, width = shape[0] * 2 // 3, shape[1]
         u, v = frame[height:].reshape(2, height // 2, width // 2)
-        return cls((Plane(frame[:height], 1.0, slice(0, 1)), Plane(u, 0.5, slice(1, 2)), Plane(v, 0.5, slice(2, 3))), (width, height))
+        return cls(
+            (Plane(frame[:height], 1.0, slice(0, 1)), Plane(u, 0.5, slice(1, 2)), Plane(v, 0.5, slice(2, 3))),
+            (width, height),
+        )
 
     @property
     def is_yuv(self) -> bool:
@@ -70,7 +82,9 @@ class Canvas:
         """A BGR colour in the numbers of this canvas."""
         return tuple((YUV_FROM_BGR1 @ (*bgr, 255)).tolist()) if self.is_yuv else tuple(bgr)
 
-    def fill(self, polygons: list[np.ndarray], bgr, *, opacity: float = 1.0, fade_rows: tuple[float, float] | None = None) -> None:
+    def fill(
+        self, polygons: list[np.ndarray], bgr, *, opacity: float = 1.0, fade_rows: tuple[float, float] | None = None
+    ) -> None:
         """Fill polygons, each (N, 2) pixels x, y of the frame, with one colour; ``opacity`` 0..1. Edges are smooth.
 
         ``fade_rows``: the opacity grows from 0 at the first of these rows of the frame to full at the second.
@@ -89,7 +103,7 @@ class Canvas:
             # what must be kept to be mixed in again: all of it, or only the rows that fade
             kept = room.copy() if opacity < 1 else room[: bands[-1][0].start].copy()
             for polygon in fixed:  # one by one: together, overlapping polygons would cancel
-                polygon -= np.int32(corner) << SHIFT
+                polygon -= np.array(corner, np.int32) << SHIFT
                 cv2.fillPoly(room, [polygon], colour[plane.channels], cv2.LINE_AA, SHIFT)
             for rows, share in bands:
                 part = opacity * share
@@ -97,10 +111,13 @@ class Canvas:
                     cv2.addWeighted(room[rows], part, kept[rows], 1 - part, 0, dst=room[rows])
 
     def lay(self, layer: Layer, xy: tuple[int, int]) -> None:
-        """Lay a layer with its upper left pixel at ``xy`` (even numbers, 0 and more); what does not fit is cut off."""
+        """Lay a layer with its upper left pixel at ``xy`` (even numbers, 0 and more); what does not fit is cut
+        off."""
         parts = layer.yuv if self.is_yuv else layer.bgr
         for plane, (colour, clear) in zip(self.planes, parts, strict=True):
-            below = plane.pixels[int(xy[1] * plane.scale) :, int(xy[0] * plane.scale) :][: colour.shape[0], : colour.shape[1]]
+            below = plane.pixels[int(xy[1] * plane.scale) :, int(xy[0] * plane.scale) :][
+                : colour.shape[0], : colour.shape[1]
+            ]
             if below.size:
                 h, w = below.shape[:2]
                 through = cv2.multiply(below, clear[:h, :w], scale=1 / 255)
@@ -108,8 +125,8 @@ class Canvas:
 
 
 class Layer:
-    """A small picture to be laid over a frame: ``pixels`` (h, w, 4) uint8, BGR already multiplied with the coverage, and the coverage
-    0..255. What each kind of canvas needs of it is worked out once."""
+    """A small picture to be laid over a frame: ``pixels`` (h, w, 4) uint8, BGR already multiplied with the
+    coverage, and the coverage 0..255. What each kind of canvas needs of it is worked out once."""
 
     def __init__(self, pixels: np.ndarray):
         self.pixels = pixels
@@ -148,8 +165,8 @@ def _room(pixels: np.ndarray, fixed: list[np.ndarray]) -> tuple[np.ndarray, tupl
 
 
 def _bands(y0: int, n_rows: int, scale: float, fade_rows) -> list[tuple[slice, float]]:
-    """Rows of a part of a plane that begins at row ``y0``, as slices, each with its share of the opacity: in steps where it fades (none
-    where it does not), then the rest."""
+    """Rows of a part of a plane that begins at row ``y0``, as slices, each with its share of the opacity: in
+    steps where it fades (none where it does not), then the rest."""
     if fade_rows is None:
         return [(slice(0, n_rows), 1.0)]
     first, last = (float(row) * scale - y0 for row in fade_rows)

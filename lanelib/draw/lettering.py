@@ -1,9 +1,10 @@
 """Lettering: a small stroke alphabet, so that text looks the same, and good, with every version of OpenCV.
 
-OpenCV 4 and 5 draw the same `putText` call with different fonts. Here a letter is a few strokes on a grid, in the manner of road signs
-and technical drawing (upright strokes, round bows, one width): capitals are 7 units high, small letters 5, tails reach 2 below the
-line. A stroke is a list of points "x,y" and arcs "@x,y,rx:ry,from,to" (centre, radii, degrees, counter-clockwise positive,
-y upwards); "/" lifts the pen. Letters are drawn 8 times too large and averaged down, which is what makes them smooth.
+OpenCV 4 and 5 draw the same `putText` call with different fonts. Here a letter is a few strokes on a grid, in
+the manner of road signs and technical drawing (upright strokes, round bows, one width): capitals are 7 units
+high, small letters 5, tails reach 2 below the line. A stroke is a list of points "x,y" and arcs
+"@x,y,rx:ry,from,to" (centre, radii, degrees, counter-clockwise positive, y upwards); "/" lifts the pen. Letters
+are drawn 8 times too large and averaged down, which is what makes them smooth.
 """
 
 from functools import lru_cache
@@ -17,6 +18,7 @@ REGULAR, BOLD = 0.85, 1.2  # stroke widths in units; a capital is 7 high, so 1:8
 OVERSAMPLE = 8
 
 _O = "@2,3,2,180,0 @2,2,2,0,-180 0,3"
+# fmt: off
 _GLYPHS = {
     "0": "@2,5,2,180,0 @2,2,2,0,-180 0,5", "1": "0.7,5.5 2.4,7 2.4,0", "2": "@2,5,2,168,-38 0,0 4,0",
     "3": "@1.8,5.3,1.8:1.7,155,-90 1.3,3.6 / 1.8,3.6 @1.8,1.8,2:1.8,90,-155", "4": "3.1,0 3.1,7 0,1.8 4.2,1.8",
@@ -25,18 +27,21 @@ _GLYPHS = {
     "a": "@1.9,3.3,1.9:1.7,148,0 3.8,0 / 3.8,2.9 1.5,2.9 @1.5,1.45,1.45,90,270 2.2,0 @2.2,1.6,1.6,-90,0",
     "b": "0,7.4 0,0 / " + _O, "c": "@2,3,2,38,180 @2,2,2,180,322", "d": "4,7.4 4,0 / " + _O,
     "e": "0,2.6 4,2.6 4,3 @2,3,2,0,180 @2,2,2,180,315", "f": "2.8,7.4 2.5,7.4 @2.4,6,1.4,90,180 1,0 / 0,5 2.7,5",
-    "g": _O + " / 4,5 4,-0.4 @2,-0.3,2:1.8,0,-142", "h": "0,7.4 0,0 / 0,3 @2,3,2,180,0 4,0", "i": "0.2,5 0.2,0 / 0.2,7.1",
+    "g": _O + " / 4,5 4,-0.4 @2,-0.3,2:1.8,0,-142", "h": "0,7.4 0,0 / 0,3 @2,3,2,180,0 4,0",
+    "i": "0.2,5 0.2,0 / 0.2,7.1",
     "j": "1.2,5 1.2,-0.9 @0,-0.9,1.2,0,-85 / 1.2,7.1", "k": "0,7.4 0,0 / 3.6,5 0,1.8 / 1.2,2.9 3.8,0",
     "l": "0,7.4 0,1.3 @1.3,1.3,1.3,180,270 1.5,0",
     "m": "0,5 0,0 / 0,3.3 @1.65,3.35,1.65,180,0 3.3,0 / 3.3,3.3 @4.95,3.35,1.65,180,0 6.6,0",
     "n": "0,5 0,0 / 0,3 @2,3,2,180,0 4,0", "o": _O, "p": "0,5 0,-2 / " + _O, "q": "4,5 4,-2 / " + _O,
     "r": "0,5 0,0 / 0,3 @2,3,2,180,62", "s": "@1.8,3.7,1.65:1.3,32,270 @1.8,1.2,1.8:1.2,90,-148",
     "t": "1,6.8 1,1.4 @2.4,1.4,1.4,180,270 2.9,0 / 0,5 2.8,5", "u": "0,5 0,2 @2,2,2,180,360 / 4,5 4,0",
-    "v": "0,5 1.9,0 3.8,5", "w": "0,5 1.4,0 2.9,5 4.4,0 5.8,5", "x": "0,5 3.8,0 / 0,0 3.8,5", "y": "0,5 2,0.2 / 4,5 1.2,-2",
+    "v": "0,5 1.9,0 3.8,5", "w": "0,5 1.4,0 2.9,5 4.4,0 5.8,5", "x": "0,5 3.8,0 / 0,0 3.8,5",
+    "y": "0,5 2,0.2 / 4,5 1.2,-2",
     "z": "0,5 3.5,5 0,0 3.6,0",
     "A": "0,0 2.4,7 4.8,0 / 0.8,2.2 4,2.2",
     "B": "0,0 0,7 2.2,7 @2.2,5.35,1.65,90,-90 0,3.7 / 2.2,3.7 @2.2,1.85,2:1.85,90,-90 0,0",
-    "C": "@2.2,4.8,2.2,35,180 @2.2,2.2,2.2,180,325", "D": "0,0 0,7 1.8,7 @1.8,4.6,2.5:2.4,90,0 @1.8,2.4,2.5:2.4,0,-90 0,0",
+    "C": "@2.2,4.8,2.2,35,180 @2.2,2.2,2.2,180,325",
+    "D": "0,0 0,7 1.8,7 @1.8,4.6,2.5:2.4,90,0 @1.8,2.4,2.5:2.4,0,-90 0,0",
     "E": "3.7,7 0,7 0,0 3.8,0 / 0,3.7 3.2,3.7", "F": "3.7,7 0,7 0,0 / 0,3.6 3.2,3.6",
     "G": "@2.2,4.8,2.2,35,180 @2.2,2.2,2.2,180,360 4.4,3.4 2.6,3.4", "H": "0,7 0,0 / 4.4,7 4.4,0 / 0,3.6 4.4,3.6",
     "I": "0.2,7 0.2,0", "J": "3,7 3,1.9 @1.1,1.9,1.9,0,-140", "K": "0,7 0,0 / 4.2,7 0,2.4 / 1.6,4.1 4.5,0",
@@ -47,18 +52,25 @@ _GLYPHS = {
     "S": "@2.1,5.2,2:1.8,30,270 @2.1,1.7,2.1:1.7,90,-150", "T": "0,7 4.6,7 / 2.3,7 2.3,0",
     "U": "0,7 0,2.2 @2.2,2.2,2.2,180,360 4.4,7", "V": "0,7 2.3,0 4.6,7", "W": "0,7 1.7,0 3.4,7 5.1,0 6.8,7",
     "X": "0,7 4.4,0 / 0,0 4.4,7", "Y": "0,7 2.3,3.2 4.6,7 / 2.3,3.2 2.3,0", "Z": "0,7 4.2,7 0,0 4.3,0",
-    ".": "0.2,0.1", ",": "0.5,0.2 0,-1.3", ":": "0.2,0.3 / 0.2,4.4", ";": "0.5,0.2 0,-1.3 / 0.5,4.4", "'": "0.2,7.4 0.2,5.6",
-    '"': "0.2,7.4 0.2,5.6 / 1.7,7.4 1.7,5.6", "!": "0.2,7 0.2,2.1 / 0.2,0.1", "?": "@1.8,5.2,1.8,165,-60 1.7,2.6 1.7,2 / 1.7,0.1",
-    "-": "0,2.8 2.2,2.8", "–": "0,2.8 3.6,2.8", "_": "0,-1.2 4,-1.2", "+": "0,2.9 4,2.9 / 2,0.9 2,4.9", "=": "0,3.9 4,3.9 / 0,1.9 4,1.9",
-    "±": "0,3.9 4,3.9 / 2,5.9 2,1.9 / 0,0.4 4,0.4", "×": "0,4.6 3.4,1.2 / 0,1.2 3.4,4.6", "*": "0,6.6 2.6,4.8 / 0,4.8 2.6,6.6",
+    ".": "0.2,0.1", ",": "0.5,0.2 0,-1.3", ":": "0.2,0.3 / 0.2,4.4", ";": "0.5,0.2 0,-1.3 / 0.5,4.4",
+    "'": "0.2,7.4 0.2,5.6",
+    '"': "0.2,7.4 0.2,5.6 / 1.7,7.4 1.7,5.6",
+    "!": "0.2,7 0.2,2.1 / 0.2,0.1", "?": "@1.8,5.2,1.8,165,-60 1.7,2.6 1.7,2 / 1.7,0.1",
+    "-": "0,2.8 2.2,2.8", "–": "0,2.8 3.6,2.8", "_": "0,-1.2 4,-1.2", "+": "0,2.9 4,2.9 / 2,0.9 2,4.9",
+    "=": "0,3.9 4,3.9 / 0,1.9 4,1.9",
+    "±": "0,3.9 4,3.9 / 2,5.9 2,1.9 / 0,0.4 4,0.4", "×": "0,4.6 3.4,1.2 / 0,1.2 3.4,4.6",
+    "*": "0,6.6 2.6,4.8 / 0,4.8 2.6,6.6",
     "/": "0,-0.8 2.8,7.6", "|": "0.2,-1.5 0.2,7.6", "(": "@4,3,4:5.2,117,243", ")": "@-2,3,4:5.2,63,-63",
-    "[": "1.4,7.6 0,7.6 0,-1.4 1.4,-1.4", "]": "0,7.6 1.4,7.6 1.4,-1.4 0,-1.4", "<": "3.4,5 0,2.9 3.4,0.8", ">": "0,5 3.4,2.9 0,0.8",
+    "[": "1.4,7.6 0,7.6 0,-1.4 1.4,-1.4", "]": "0,7.6 1.4,7.6 1.4,-1.4 0,-1.4", "<": "3.4,5 0,2.9 3.4,0.8",
+    ">": "0,5 3.4,2.9 0,0.8",
     "%": "@1.1,5.8,1.1:1.2,0,360 / @4.5,1.2,1.1:1.2,0,360 / 4.7,7 0.9,0", "°": "@1,6.2,1,0,360", "·": "0.2,2.9",
     "#": "1.2,0.8 2,6.2 / 3,0.8 3.8,6.2 / 0.3,4.6 4.7,4.6 / 0.1,2.4 4.5,2.4", "…": "0.2,0.1 / 2,0.1 / 3.8,0.1",
     "&": "4.4,0 0.8,5 @1.8,5.6,1.3:1.4,210,-40 0.7,3.2 @1.7,1.6,1.7:1.6,135,330 4,3",
-    "²": "@1.2,6.3,1.2,168,-38 0,3.6 2.5,3.6", "σ": "4.4,5 2,5 @2,2.5,2:2.5,90,450", "κ": "0,5 0,0 / 3.4,5 0,2.3 / 1.1,3.1 3.6,0",
+    "²": "@1.2,6.3,1.2,168,-38 0,3.6 2.5,3.6", "σ": "4.4,5 2,5 @2,2.5,2:2.5,90,450",
+    "κ": "0,5 0,0 / 3.4,5 0,2.3 / 1.1,3.1 3.6,0",
     "→": "0,2.8 5,2.8 / 3.4,4.5 5,2.8 3.4,1.1", "←": "5,2.8 0,2.8 / 1.6,4.5 0,2.8 1.6,1.1",
 }
+# fmt: on
 
 
 def _strokes(glyph: str) -> list[np.ndarray]:
@@ -82,12 +94,15 @@ def _strokes(glyph: str) -> list[np.ndarray]:
 
 @lru_cache(maxsize=2048)
 def _glyph(glyph: str, cap_px: float, weight: float) -> tuple[np.ndarray, float]:
-    """Coverage (h, w) uint8 of one letter, its left edge GAP / 2 before the first stroke, and its advance in pixels."""
+    """Coverage (h, w) uint8 of one letter, its left edge GAP / 2 before the first stroke, and its advance in
+    pixels."""
     unit = cap_px / CAP
     if glyph == " ":
         return np.zeros((1, 1), np.uint8), SPACE * unit
     strokes = _strokes(glyph if glyph in _GLYPHS else "?")
-    widest = 4.1 if glyph.isdigit() else max(stroke[:, 0].max() for stroke in strokes)  # numbers that change must not jump
+    widest = (
+        4.1 if glyph.isdigit() else max(stroke[:, 0].max() for stroke in strokes)
+    )  # numbers that change must not jump
     size = (int(np.ceil((widest + GAP) * unit)) + 1, round(ABOVE * unit) + round(BELOW * unit))  # width, height
     big = np.zeros((size[1] * OVERSAMPLE, size[0] * OVERSAMPLE), np.uint8)
     base = round(ABOVE * unit) * OVERSAMPLE - 0.5
@@ -133,8 +148,8 @@ def text_width(text: str, cap_px: float, *, bold: bool = False) -> int:
 
 
 def stamp(picture: np.ndarray, mask: np.ndarray, xy: tuple[int, int], colour) -> None:
-    """Lay ``colour`` (one number a channel) over ``picture`` (H, W) or (H, W, C) uint8, in place, as far as ``mask`` (h, w) covers it;
-    ``xy``: column and row of the mask's upper left pixel, anywhere."""
+    """Lay ``colour`` (one number a channel) over ``picture`` (H, W) or (H, W, C) uint8, in place, as far as
+    ``mask`` (h, w) covers it; ``xy``: column and row of the mask's upper left pixel, anywhere."""
     x, y = xy
     top, left = max(0, -y), max(0, -x)
     room = picture[max(y, 0) : max(y + mask.shape[0], 0), max(x, 0) : max(x + mask.shape[1], 0)]
@@ -147,9 +162,18 @@ def stamp(picture: np.ndarray, mask: np.ndarray, xy: tuple[int, int], colour) ->
     room[...] = (room * (255 - cover) + np.asarray(colour, np.uint16) * cover + 127) // 255
 
 
-def put_text(picture: np.ndarray, text: str, xy: tuple[float, float], colour, *, cap_px: float = 14, bold: bool = False,
-             align: str = "left") -> None:
-    """Write ``text`` into ``picture`` in place; ``xy`` is where its base line begins, has its middle or ends (``align`` left, centre, right)."""
+def put_text(
+    picture: np.ndarray,
+    text: str,
+    xy: tuple[float, float],
+    colour,
+    *,
+    cap_px: float = 14,
+    bold: bool = False,
+    align: str = "left",
+) -> None:
+    """Write ``text`` into ``picture`` in place; ``xy`` is where its base line begins, has its middle or ends
+    (``align`` left, centre, right)."""
     mask, base = text_mask(text, cap_px, bold=bold)
     shift = {"left": 0.0, "centre": mask.shape[1] / 2, "right": mask.shape[1]}[align]
     stamp(picture, mask, (round(xy[0] - shift), round(xy[1]) - base), colour)
@@ -165,7 +189,8 @@ def shortened(text: str, cap_px: float, width_px: float, *, bold: bool = False) 
 
 
 def wrapped(text: str, cap_px: float, width_px: float, *, max_lines: int = 3) -> list[str]:
-    """``text`` broken between words into at most ``max_lines`` lines no wider than ``width_px``; the rest is cut with "…"."""
+    """``text`` broken between words into at most ``max_lines`` lines no wider than ``width_px``; the rest is
+    cut with "…"."""
     lines: list[str] = []
     words = text.split()
     while words:

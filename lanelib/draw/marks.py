@@ -11,28 +11,33 @@ import numpy as np
 from lanelib.channels import as_bgr
 from lanelib.draw.canvas import Canvas
 from lanelib.draw.lettering import put_text
-from lanelib.draw.palette import PALETTE, bgr
+from lanelib.draw.palette import SERIES, bgr
 from lanelib.errors import LanelibError
 
 
-def mask_to_colour(mask: np.ndarray, colour: str = "#ffffff", *, over: np.ndarray | None = None, opacity: float = 0.8) -> np.ndarray:
-    """A mask (H, W) as a picture: ``colour`` wherever it is not 0 (so 0/1, 0/255 and bool all show), black elsewhere, or the
-    picture ``over`` (H, W, 3), which the colour covers by ``opacity``."""
+def mask_to_colour(
+    mask: np.ndarray, colour: str = "#ffffff", *, over: np.ndarray | None = None, opacity: float = 0.8
+) -> np.ndarray:
+    """A mask (H, W) as a picture: ``colour`` wherever it is not 0 (so 0/1, 0/255 and bool all show), black
+    elsewhere, or the picture ``over`` (H, W, 3), which the colour covers by ``opacity``."""
     mask = np.asarray(mask)
     if mask.ndim != 2:
         raise LanelibError(f"a mask (H, W) is needed, found shape {mask.shape}; give one channel")
     on = mask != 0
     if over is None:
-        return np.where(on[:, :, None], np.uint8(bgr(colour)), np.uint8(0))
+        return np.where(on[:, :, None], np.array(bgr(colour), np.uint8), np.uint8(0))
     picture = _copy(over)
     if picture.shape[:2] != mask.shape:
-        raise LanelibError(f"mask and picture must be of one size, found {mask.shape} and {picture.shape[:2]}; warp both or neither")
+        raise LanelibError(
+            f"mask and picture must be of one size, found {mask.shape} and {picture.shape[:2]}; warp both or neither"
+        )
     picture[on] = np.round((1 - opacity) * picture[on] + opacity * np.array(bgr(colour)))
     return picture
 
 
 def heat(values: np.ndarray, *, top: float | None = None) -> np.ndarray:
-    """Numbers (H, W), 0 and more, as a picture from black over purple and orange to pale yellow at ``top`` (default: the largest)."""
+    """Numbers (H, W), 0 and more, as a picture from black over purple and orange to pale yellow at ``top``
+    (default: the largest)."""
     values = np.nan_to_num(np.asarray(values, np.float32))
     top = float(values.max(initial=0.0)) if top is None else top
     scaled = np.clip(values * (255 / top if top > 0 else 0), 0, 255).astype(np.uint8)
@@ -48,7 +53,8 @@ def difference(first: np.ndarray, second: np.ndarray, *, gain: float = 4.0) -> n
 
 
 def draw_points(picture: np.ndarray, xy, colour: str = "paint", *, radius_px: float = 2.0, weights=None) -> np.ndarray:
-    """Dots at ``xy`` (N, 2); with ``weights`` (N,) 0..1 fainter where less. Points outside or not finite are left out."""
+    """Dots at ``xy`` (N, 2); with ``weights`` (N,) 0..1 fainter where less. Points outside or not finite are
+    left out."""
     picture, points = _copy(picture), np.asarray(xy, float).reshape(-1, 2)
     weights = np.ones(len(points)) if weights is None else np.asarray(weights, float)
     top, colours = _scaled(picture), np.array(bgr(colour), float)
@@ -59,9 +65,18 @@ def draw_points(picture: np.ndarray, xy, colour: str = "paint", *, radius_px: fl
     return picture
 
 
-def draw_line(picture: np.ndarray, xy, colour: str = "accent", *, width_px: float = 2.0, dashed: bool = False, closed: bool = False,
-              outline: bool = False) -> np.ndarray:
-    """A smooth line through ``xy`` (N, 2); ``outline`` puts a dark edge around it, so that it shows on bright ground, too."""
+def draw_line(
+    picture: np.ndarray,
+    xy,
+    colour: str = "accent",
+    *,
+    width_px: float = 2.0,
+    dashed: bool = False,
+    closed: bool = False,
+    outline: bool = False,
+) -> np.ndarray:
+    """A smooth line through ``xy`` (N, 2); ``outline`` puts a dark edge around it, so that it shows on bright
+    ground, too."""
     picture = _copy(picture)
     line_in_place(picture, xy, bgr(colour), width_px, dashed=dashed, closed=closed, outline=outline)
     return picture
@@ -88,8 +103,15 @@ def line_in_place(picture, xy, colour, width_px=2.0, *, dashed=False, closed=Fal
     cv2.polylines(picture, fixed, False, colour, max(1, round(width_px)), cv2.LINE_AA, 4)
 
 
-def draw_polygon(picture: np.ndarray, xy, colour: str = "trapezoid", *, opacity: float = 0.18, width_px: float = 2.0,
-                 names: bool = False) -> np.ndarray:
+def draw_polygon(
+    picture: np.ndarray,
+    xy,
+    colour: str = "trapezoid",
+    *,
+    opacity: float = 0.18,
+    width_px: float = 2.0,
+    names: bool = False,
+) -> np.ndarray:
     """A polygon (N, 2) with a translucent inside and a ring at each corner; ``names`` numbers the corners from 1."""
     picture, points = _copy(picture), np.asarray(xy, float).reshape(-1, 2)
     top = _scaled(picture)
@@ -110,8 +132,9 @@ def ring_in_place(picture, xy, colour, radius_px) -> None:
 
 
 def draw_windows(view: np.ndarray, found, *, left: str = "left line", right: str = "right line") -> np.ndarray:
-    """What a search for lane pixels looked at (`search.LanePixels`), on a bird's-eye view or mask (H, W) or (H, W, 3): pixels
-    of the left and the right line, windows (faint where they held too few pixels to recentre), regions searched around."""
+    """What a search for lane pixels looked at (`search.LanePixels`), on a bird's-eye view or mask (H, W) or (H,
+    W, 3): pixels of the left and the right line, windows (faint where they held too few pixels to recentre),
+    regions searched around."""
     picture = _copy(view)
     grey = cv2.cvtColor(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), cv2.COLOR_GRAY2BGR)
     picture = cv2.convertScaleAbs(grey, alpha=0.45)  # what belongs to neither line steps back
@@ -125,16 +148,23 @@ def draw_windows(view: np.ndarray, found, *, left: str = "left line", right: str
         picture[y[inside], x[inside]] = bgr(name)
     top = _scaled(picture, of=720)
     for window in found.windows:
-        corners = np.array([(window.left, window.row_top), (window.right - 1, window.row_top),
-                            (window.right - 1, window.row_bottom - 1), (window.left, window.row_bottom - 1)])
+        corners = np.array(
+            [
+                (window.left, window.row_top),
+                (window.right - 1, window.row_top),
+                (window.right - 1, window.row_bottom - 1),
+                (window.left, window.row_bottom - 1),
+            ]
+        )
         colour = bgr("window") if window.recentred else tuple(v // 2 for v in bgr("window"))
         line_in_place(picture, corners, colour, 2 * top, closed=True)
     return picture
 
 
 def draw_corners(picture: np.ndarray, corners_xy, board_wh: tuple[int, int]) -> np.ndarray:
-    """Chessboard corners in the order they were found: (N, 2), or (N, 1, 2), row by row of ``board_wh`` (columns, rows) inner corners. Each row has
-    a colour, the first corner a ring; fewer corners than the board has (not found) are plain red dots."""
+    """Chessboard corners in the order they were found: (N, 2), or (N, 1, 2), row by row of ``board_wh``
+    (columns, rows) inner corners. Each row has a colour, the first corner a ring; fewer corners than the board
+    has (not found) are plain red dots."""
     picture, corners = _copy(picture), np.asarray(corners_xy, float).reshape(-1, 2)
     columns, rows = board_wh
     top = _scaled(picture)
@@ -144,12 +174,19 @@ def draw_corners(picture: np.ndarray, corners_xy, board_wh: tuple[int, int]) -> 
     spacing = float(np.median(np.hypot(*np.diff(grid, axis=1).reshape(-1, 2).T))) if columns > 1 else 20.0
     radius = float(np.clip(0.15 * spacing, 1.4, 6 * top))  # small boards keep their squares visible
     for i, row in enumerate(grid):
-        colour = bgr(PALETTE["series"][i % len(PALETTE["series"])])
+        colour = bgr(SERIES[i % len(SERIES)])
         line_in_place(picture, row, colour, 0.4 * radius)
         for x, y in row:
             ring_in_place(picture, (x, y), colour, radius)
-    cv2.circle(picture, tuple(np.round(corners[0] * 16).astype(int).tolist()), round(2.2 * radius * 16), bgr("none"),
-               max(1, round(0.5 * radius)), cv2.LINE_AA, 4)
+    cv2.circle(
+        picture,
+        tuple(np.round(corners[0] * 16).astype(int).tolist()),
+        round(2.2 * radius * 16),
+        bgr("none"),
+        max(1, round(0.5 * radius)),
+        cv2.LINE_AA,
+        4,
+    )
     return picture
 
 

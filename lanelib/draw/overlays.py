@@ -1,7 +1,7 @@
 """The overlay: the lane on the frame, and what it means in numbers.
 
-`overlay` gives a new picture; `overlay_bgr` and `overlay_yuv420` draw into a frame of a video, in place, and touch only the bounding
-boxes of what they draw. All take a `LaneResult` (or anything with its attributes).
+`overlay` gives a new picture; `overlay_bgr` and `overlay_yuv420` draw into a frame of a video, in place, and
+touch only the bounding boxes of what they draw. All take a `LaneResult` (or anything with its attributes).
 """
 
 from __future__ import annotations
@@ -23,17 +23,18 @@ HELD_PALER = 0.45  # how much of a pale grey is mixed into the lines' colours wh
 PALE = (214, 214, 214)
 LINE_WIDTH = 0.026  # of the lane's width at the same place: 0.10 m of 3.66 m, as wide as the narrowest paint
 FADE = 0.35  # the upper part of the lane over which the area fades out and the lines taper: farther away less is known
-CARD_OPACITY = 0.66
 LINE_FADE = 0.14  # the same for the lines
+CARD_OPACITY = 0.66  # white letters keep a contrast of 6:1 even over white (4.5:1 is asked for: WCAG 2.1, 1.4.3)
 DASH, PAUSE = 3, 2  # points of a line that is held
 
 
 def overlay(frame_bgr: np.ndarray, result, *, text: bool = True) -> np.ndarray:
     """The frame (H, W, 3) uint8 BGR with the lane drawn on it, as a new picture of the same size.
 
-    Green lane area, left line red, right line blue; with ``text`` a read-out in the upper left corner: radius of curvature, offset
-    from the lane's centre, lane width, and how far to trust them. A lane held from frames before is paler and dashed. Grey
-    and four-channel frames are taken too. Raises LanelibError where the result belongs to a frame of another size.
+    Green lane area, left line red, right line blue; with ``text`` a read-out in the upper left corner: radius
+    of curvature, offset from the lane's centre, lane width, and how far to trust them. A lane held from frames
+    before is paler and dashed. Grey and four-channel frames are taken too. Raises LanelibError where the result
+    belongs to a frame of another size.
     """
     picture = as_bgr(frame_bgr)
     picture = picture.copy() if picture is frame_bgr or np.shares_memory(picture, frame_bgr) else picture
@@ -56,27 +57,34 @@ def draw_overlay(canvas: Canvas, result, *, text: bool = True) -> None:
     """Lane area, lines and read-out on any canvas."""
     if result.lane is not None:
         if tuple(result.size_wh) not in ((0, 0), tuple(canvas.size_wh)):
-            raise LanelibError(f"the lane was found in a frame of {_by(result.size_wh)} pixels, this one has {_by(canvas.size_wh)}; "
-                               "draw it on the frame it was found in")
+            raise LanelibError(
+                f"the lane was found in a frame of {_by(result.size_wh)} pixels, this one has {_by(canvas.size_wh)}; "
+                "draw it on the frame it was found in"
+            )
         draw_lane(canvas, result.left_px, result.right_px, held=result.status == "held")
     if text:
         card = read_out(result, canvas.size_wh)
         if card is not None:
-            margin = 2 * round(0.01 * min(canvas.size_wh[0] / 16 * 9, canvas.size_wh[1]))  # even, for the half-size planes
+            width, height = canvas.size_wh
+            margin = 2 * round(0.01 * min(width / 16 * 9, height))  # even, for the half-size planes
             canvas.lay(card, (margin, margin))
 
 
 def draw_lane(canvas: Canvas, left_px: np.ndarray, right_px: np.ndarray, *, held: bool = False) -> None:
     """The lane between two lines, (N, 2) and (M, 2) pixels of the frame from near to far."""
-    left, right = (np.asarray(p, float).reshape(-1, 2) for p in (left_px, right_px))
+    left, right = (_finite(p) for p in (left_px, right_px))
     if min(len(left), len(right)) < 2:
         return
     n = min(len(left), len(right))
     width = np.hypot(*(right[:n] - left[:n]).T)
     top, bottom = min(left[:, 1].min(), right[:, 1].min()), min(max(left[0, 1], right[0, 1]), canvas.size_wh[1])
     full = top + FADE * max(bottom - top, 1.0)
-    canvas.fill([np.concatenate([left, right[::-1]])], bgr("lane area"), opacity=AREA_OPACITY["held" if held else "measured"],
-                fade_rows=(top, full))
+    canvas.fill(
+        [np.concatenate([left, right[::-1]])],
+        bgr("lane area"),
+        opacity=AREA_OPACITY["held" if held else "measured"],
+        fade_rows=(top, full),
+    )
     thinnest = max(1.0, 0.0011 * canvas.size_wh[0])
     for line, name in ((left, "left line"), (right, "right line")):
         wide = LINE_WIDTH * np.concatenate([width, np.full(len(line) - n, width[-1])])
@@ -86,6 +94,11 @@ def draw_lane(canvas: Canvas, left_px: np.ndarray, right_px: np.ndarray, *, held
         pieces = [(i, min(i + DASH, last)) for i in range(0, last, DASH + PAUSE)] if held else [(0, last)]
         ribbons = [ribbon(line[a : b + 1], wide[a : b + 1]) for a, b in pieces]
         canvas.fill(ribbons, colour, fade_rows=(top, top + LINE_FADE * (bottom - top)))
+
+
+def _finite(line_px) -> np.ndarray:
+    points = np.asarray(line_px, float).reshape(-1, 2)
+    return points[np.isfinite(points).all(axis=1)]
 
 
 def mixed(colour, other, part: float) -> tuple[int, ...]:
@@ -104,17 +117,18 @@ def ribbon(line_px: np.ndarray, width_px: np.ndarray) -> np.ndarray:
 
 # ---------------------------------------------------------------------------------------------- words
 def radius_text(radius_m: float | None, curvature_1pm: float | None) -> str:
-    """"R 1.02 km left", "R 480 m right", "straight"; "" for None."""
+    """The bend in words: "R 1.02 km left", "R 480 m right", "straight"; "" for None."""
     if radius_m is None or curvature_1pm is None:
         return ""
     if not math.isfinite(radius_m):
         return "straight"
-    three_digits = f"{radius_m / 1000:.2f} km" if radius_m >= 995 else f"{radius_m:.0f} m"
+    kilometres = f"{radius_m / 1000:.1f} km" if radius_m >= 9995 else f"{radius_m / 1000:.2f} km"
+    three_digits = kilometres if radius_m >= 999.5 else f"{radius_m:.0f} m"
     return f"R {three_digits} {'left' if curvature_1pm > 0 else 'right'}"
 
 
 def offset_text(offset_m: float | None) -> str:
-    """"0.23 m left of centre": where the car is; "" for None."""
+    """Where the car is: "0.23 m left of centre"; "" for None."""
     if offset_m is None or not math.isfinite(offset_m):
         return ""
     if abs(offset_m) < 0.005:
@@ -123,24 +137,35 @@ def offset_text(offset_m: float | None) -> str:
 
 
 def status_text(status: str) -> str:
-    """"measured", "held from before" or "no lane"."""
+    """The status in words: "measured", "held from before" or "no lane"."""
     return {"measured": "measured", "held": "held from before", "none": "no lane"}.get(status, str(status))
 
 
 # ---------------------------------------------------------------------------------------------- read-out
 def read_out(result, size_wh: tuple[int, int]) -> Layer | None:
     """The read-out of a result as a layer for `Canvas.lay`; None where the frame is too small for words."""
-    scale = max(min(size_wh[0] / 1280, size_wh[1] / 720), 0.46)  # below that, letters would be smaller than a pixel allows
+    scale = max(
+        min(size_wh[0] / 1280, size_wh[1] / 720), 0.46
+    )  # below that, letters would be smaller than a pixel allows
     widest = size_wh[0] - 8
     if widest < 110 or size_wh[1] < 60:
         return None
     if result.lane is None:
         return _card("none", "", "", "", 0.0, 0.0, scale, widest, str(result.reason))
     width = result.width_m
+    width = width if width is not None and math.isfinite(width) and width > 0 else None
     place = float(np.clip(result.offset_m / width, -1, 1)) if width else 0.0
-    return _card(result.status, radius_text(result.radius_m, result.curvature_1pm), offset_text(result.offset_m),
-                 f"{width:.2f} m" if width else "", round(place, 2), round(result.confidence, 2),
-                 scale, widest, str(result.reason) if result.status == "held" else "")
+    return _card(
+        result.status,
+        radius_text(result.radius_m, result.curvature_1pm),
+        offset_text(result.offset_m),
+        f"{width:.2f} m" if width else "",
+        round(place, 2),
+        round(result.confidence, 2),
+        scale,
+        widest,
+        str(result.reason) if result.status == "held" else "",
+    )
 
 
 @lru_cache(maxsize=32)
@@ -163,7 +188,9 @@ def _card(status, radius, offset, width, place, confidence, scale, widest, reaso
     _disc(card, pad + dot, row_head - small / 2 - 0.5, dot, colour)
     put_text(card, status_text(status), (pad + 2 * dot + 0.55 * small, row_head), _over("text"), cap_px=small)
     if radius:
-        put_text(card, f"{100 * confidence:.0f} %", (pad + inner, row_head), _over("label"), cap_px=small, align="right")
+        put_text(
+            card, f"{100 * confidence:.0f} %", (pad + inner, row_head), _over("label"), cap_px=small, align="right"
+        )
         end = pad + inner - text_width("100 %", small) - 0.4 * small
         begin = max(end - 56 * scale, pad + 2 * dot + text_width(status_text(status), small) + 1.2 * small)
         if end - begin > 1.5 * small:
@@ -172,7 +199,9 @@ def _card(status, radius, offset, width, place, confidence, scale, widest, reaso
         put_text(card, offset, (pad, row_offset), _over("text"), cap_px=big)
         words = f"lane width {width}"
         _gauge(card, pad, row_gauge, inner - text_width(words, small) - pad, thick, place)
-        put_text(card, words, (pad + inner, row_gauge + (thick + small) // 2), _over("label"), cap_px=small, align="right")
+        put_text(
+            card, words, (pad + inner, row_gauge + (thick + small) // 2), _over("label"), cap_px=small, align="right"
+        )
     for i, words in enumerate(reason_lines, 1):
         put_text(card, words, (pad, rows_end + i * line), _over("label"), cap_px=small)
     return Layer(card)
@@ -213,8 +242,12 @@ def _gauge(card, x, y, width, height, place) -> None:
     span, middle = 0.74 * width, y + (height - 1) / 2
     centre = x + (width - 1) / 2
     thin = max(1, round(0.12 * height))
-    for at, tall, wide, name in ((centre, thin, width, "track"), (centre, 0.5 * height, thin, "track"),
-                                 (centre - span / 2, height, 2 * thin, "left line"), (centre + span / 2, height, 2 * thin, "right line")):
+    for at, tall, wide, name in (
+        (centre, thin, width, "track"),
+        (centre, 0.5 * height, thin, "track"),
+        (centre - span / 2, height, 2 * thin, "left line"),
+        (centre + span / 2, height, 2 * thin, "right line"),
+    ):
         corner = round(at - wide / 2), round(middle - tall / 2)
         cv2.rectangle(card, corner, (round(corner[0] + wide) - 1, round(corner[1] + tall) - 1), _over(name), -1)
     _disc(card, centre + min(max(place, -0.65), 0.65) * span, middle, 0.42 * height, "text")

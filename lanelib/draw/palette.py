@@ -1,23 +1,36 @@
 """The same colour for the same thing everywhere: one table for overlays, panels and figures.
 
-Everything but the classic overlay (green lane, red and blue lines) uses the palette of Okabe and Ito (2008), which people with any kind of
-colour vision can tell apart. Colours are written "#rrggbb", as matplotlib takes them; `bgr` gives what OpenCV takes.
+Everything but the classic overlay (green lane, red and blue lines) uses the palette of Okabe and Ito (2008),
+which people with any kind of colour vision can tell apart. Colours are written "#rrggbb", as matplotlib takes
+them; `bgr` gives what OpenCV takes.
 """
 
 # Okabe and Ito, "Color universal design", 2008
 VERMILLION, BLUE, GREEN, ORANGE, SKY, PURPLE, YELLOW = (
-    "#d55e00", "#0072b2", "#009e73", "#e69f00", "#56b4e9", "#cc79a7", "#f0e442")
+    "#d55e00",
+    "#0072b2",
+    "#009e73",
+    "#e69f00",
+    "#56b4e9",
+    "#cc79a7",
+    "#f0e442",
+)
 
+SERIES = (BLUE, VERMILLION, GREEN, ORANGE, SKY, PURPLE)  # things without a colour of their own, in this order
+
+# fmt: off
 PALETTE = {
     # figures and panels
-    "left": VERMILLION, "right": BLUE, "estimate": GREEN, "truth": "#000000", "measured": GREEN, "held": ORANGE, "none": VERMILLION,
-    "window": ORANGE, "region": SKY, "paint": YELLOW, "accent": SKY, "other": PURPLE, "trapezoid": VERMILLION, "grid": "#d0d4d9",
-    "series": (BLUE, VERMILLION, GREEN, ORANGE, SKY, PURPLE),  # things without a colour of their own, in this order
+    "left": VERMILLION, "right": BLUE, "estimate": GREEN, "truth": "#000000",
+    "measured": GREEN, "held": ORANGE, "none": VERMILLION,
+    "window": ORANGE, "region": SKY, "paint": YELLOW, "accent": SKY, "other": PURPLE, "trapezoid": VERMILLION,
     # the classic overlay
     "lane area": "#12d66a", "left line": "#ff3b30", "right line": "#2f7bff",
     # panels: a dark desk on which pictures lie
-    "desk": "#14181d", "card": "#0b0e12", "rule": "#3a424c", "track": "#5b6672", "title": "#e8ecf1", "text": "#ffffff", "label": "#a7b1bd",
+    "desk": "#14181d", "card": "#0b0e12", "rule": "#3a424c", "track": "#5b6672",
+    "title": "#e8ecf1", "text": "#ffffff", "label": "#a7b1bd",
 }
+# fmt: on
 
 
 def bgr(name: str) -> tuple[int, int, int]:

@@ -12,9 +12,8 @@ import numpy as np
 
 from lanelib.channels import as_bgr
 from lanelib.draw.canvas import Canvas
-from lanelib.draw.lettering import put_text, shortened, text_width, wrapped
+from lanelib.draw.lettering import put_text, shortened, text_width
 from lanelib.draw.marks import line_in_place
-from lanelib.draw.overlays import offset_text, overlay, radius_text, status_text
 from lanelib.draw.palette import bgr
 from lanelib.errors import LanelibError
 from lanelib.search import find_peaks, histogram
@@ -24,7 +23,8 @@ TITLE = 24  # rows above a picture for its title
 
 
 def fitted(picture: np.ndarray, size_wh: tuple[int, int], *, stretch: bool = False) -> np.ndarray:
-    """The picture scaled to fit into ``size_wh``, centred on the desk; with ``stretch`` it fills it. Masks 0/1 become visible."""
+    """The picture scaled to fit into ``size_wh``, centred on the desk; with ``stretch`` it fills it. Masks 0/1
+    become visible."""
     picture = np.asarray(picture)
     if picture.dtype == bool:
         picture = picture.astype(np.uint8)
@@ -42,15 +42,20 @@ def fitted(picture: np.ndarray, size_wh: tuple[int, int], *, stretch: bool = Fal
     return out
 
 
-def side_by_side(pictures, titles=None, *, height: int | None = None, columns: int | None = None, cap_px: int = 13) -> np.ndarray:
-    """Pictures next to each other, each with its title above, all of one height (default: the lowest one's, at most 480).
+def side_by_side(
+    pictures, titles=None, *, height: int | None = None, columns: int | None = None, cap_px: int = 13
+) -> np.ndarray:
+    """Pictures next to each other, each with its title above, all of one height (default: the lowest one's, at
+    most 480).
 
     ``columns``: begin a new row after so many.
     """
     pictures = [np.asarray(p) for p in pictures]
     titles = list(titles) if titles is not None else [""] * len(pictures)
     if not pictures or len(titles) != len(pictures):
-        raise LanelibError(f"a title for each picture is needed, found {len(titles)} titles and {len(pictures)} pictures")
+        raise LanelibError(
+            f"a title for each picture is needed, found {len(titles)} titles and {len(pictures)} pictures"
+        )
     height = height or min(480, *(p.shape[0] for p in pictures), 480)
     widths = [max(1, round(p.shape[1] * height / p.shape[0])) for p in pictures]
     columns = columns or len(pictures)
@@ -70,21 +75,27 @@ def side_by_side(pictures, titles=None, *, height: int | None = None, columns: i
 
 # ---------------------------------------------------------------------------------------------- bird's-eye view
 def pixels_of_road(grid, points_m) -> np.ndarray:
-    """Metres (N, 2) to pixels (N, 2) of a picture of ``grid`` (`birdseye.Grid`), whatever the spacing of its rows; NaN outside."""
+    """Metres (N, 2) to pixels (N, 2) of a picture of ``grid`` (`birdseye.Grid`), whatever the spacing of its
+    rows; NaN outside."""
     points_m = np.asarray(points_m, float).reshape(-1, 2)
     row = np.interp(points_m[:, 1], grid.y_m[::-1], np.arange(len(grid.y_m))[::-1], left=np.nan, right=np.nan)
     return np.column_stack([grid.column_of(points_m[:, 0]), row])
 
 
-def birdseye(view: np.ndarray, grid, *, lane=None, points_m=None, weights=None, held: bool = False, rulers: bool = True) -> np.ndarray:
-    """A bird's-eye picture of ``grid`` with metre rulers, the car's place, and where given the ``lane`` and paint points.
+def birdseye(
+    view: np.ndarray, grid, *, lane=None, points_m=None, weights=None, held: bool = False, rulers: bool = True
+) -> np.ndarray:
+    """A bird's-eye picture of ``grid`` with metre rulers, the car's place, and where given the ``lane`` and
+    paint points.
 
-    ``lane`` (`lane.Lane`) is drawn where it appears on the rig's flat plane; solid where paint was seen, dashed beyond.
-    ``points_m`` (N, 2) metres on that plane, ``weights`` (N,) 0..1.
+    ``lane`` (`lane.Lane`) is drawn where it appears on the rig's flat plane; solid where paint was seen, dashed
+    beyond. ``points_m`` (N, 2) metres on that plane, ``weights`` (N,) 0..1.
     """
     picture = as_bgr(view).copy()
     if picture.shape[:2] != (len(grid.y_m), len(grid.x_m)):
-        raise LanelibError(f"the view must be {len(grid.x_m)}x{len(grid.y_m)} as its grid, found {picture.shape[1]}x{picture.shape[0]}")
+        raise LanelibError(
+            f"the view must be {len(grid.x_m)}x{len(grid.y_m)} as its grid, found {picture.shape[1]}x{picture.shape[0]}"
+        )
     scale = max(picture.shape[0] / 720, 0.5)
     if lane is not None:
         y = np.geomspace(max(0.5 * grid.y_m[-1], 0.5), grid.y_m[0] * 1.5, 160)
@@ -101,7 +112,15 @@ def birdseye(view: np.ndarray, grid, *, lane=None, points_m=None, weights=None, 
         for (u, v), weight in zip(on, weights, strict=True):
             if np.isfinite(u + v) and weight > 0.02:
                 shade = tuple(float(c) * (0.4 + 0.6 * weight) for c in bgr("paint"))
-                cv2.circle(picture, (round(u * 16), round(v * 16)), round((0.9 + 0.9 * weight) * scale * 16), shade, -1, cv2.LINE_AA, 4)
+                cv2.circle(
+                    picture,
+                    (round(u * 16), round(v * 16)),
+                    round((0.9 + 0.9 * weight) * scale * 16),
+                    shade,
+                    -1,
+                    cv2.LINE_AA,
+                    4,
+                )
     if rulers:
         _rulers(picture, grid, scale)
         _car(picture, grid, scale)
@@ -116,7 +135,9 @@ def _rulers(picture, grid, scale) -> None:
     step = next(s for s in (1, 2, 5, 10, 20, 50, 100) if s * 10 >= grid.y_m[0] - grid.y_m[-1])
     for metres in np.arange(math.ceil(grid.y_m[-1] / step) * step, grid.y_m[0], step):
         v = pixels_of_road(grid, [(0, metres)])[0, 1]
-        canvas.fill([np.array([(0, v - 0.5), (width, v - 0.5), (width, v + 0.5), (0, v + 0.5)])], (255, 255, 255), opacity=0.22)
+        canvas.fill(
+            [np.array([(0, v - 0.5), (width, v - 0.5), (width, v + 0.5), (0, v + 0.5)])], (255, 255, 255), opacity=0.22
+        )
         if v < height - 46 * scale:
             _tag(picture, canvas, f"{metres:g} m", (round(5 * scale), v - 4 * scale), cap)
     for metres in np.arange(math.ceil(grid.x_m[0]), grid.x_m[-1]):
@@ -124,7 +145,11 @@ def _rulers(picture, grid, scale) -> None:
         tall = (9 if metres % 2 == 0 else 5) * scale
         box = np.array([(u - 0.5, height - tall), (u + 0.5, height - tall), (u + 0.5, height), (u - 0.5, height)])
         canvas.fill([box], (255, 255, 255), opacity=0.85)
-        if metres % 2 == 0 and abs(metres) > 0 and text_width(f"{metres:+g}", cap) / 2 < u < width - text_width(f"{metres:+g}", cap) / 2:
+        if (
+            metres % 2 == 0
+            and abs(metres) > 0
+            and text_width(f"{metres:+g}", cap) / 2 < u < width - text_width(f"{metres:+g}", cap) / 2
+        ):
             _tag(picture, canvas, f"{metres:+g}", (u, height - tall - 4 * scale), cap, align="centre")
 
 
@@ -133,7 +158,12 @@ def _tag(picture, canvas, words, xy, cap, *, align="left") -> None:
     width = text_width(words, cap)
     x = xy[0] - (width / 2 if align == "centre" else 0)
     pad = 0.35 * cap
-    box = [(x - pad, xy[1] - cap - pad), (x + width + pad, xy[1] - cap - pad), (x + width + pad, xy[1] + pad), (x - pad, xy[1] + pad)]
+    box = [
+        (x - pad, xy[1] - cap - pad),
+        (x + width + pad, xy[1] - cap - pad),
+        (x + width + pad, xy[1] + pad),
+        (x - pad, xy[1] + pad),
+    ]
     canvas.fill([np.array(box)], bgr("card"), opacity=0.55)
     put_text(picture, words, (x, xy[1]), bgr("text"), cap_px=cap)
 
@@ -141,7 +171,9 @@ def _tag(picture, canvas, words, xy, cap, *, align="left") -> None:
 def _car(picture, grid, scale) -> None:
     """An arrow at the lower edge where the car drives (x = 0)."""
     u, bottom = float(grid.column_of(0.0)), picture.shape[0] - 1
-    arrow = np.array([(u, bottom - 24 * scale), (u + 10 * scale, bottom), (u, bottom - 6 * scale), (u - 10 * scale, bottom)])
+    arrow = np.array(
+        [(u, bottom - 24 * scale), (u + 10 * scale, bottom), (u, bottom - 6 * scale), (u - 10 * scale, bottom)]
+    )
     canvas = Canvas.of_bgr(picture)
     canvas.fill([(arrow - (u, bottom - 10 * scale)) * 1.35 + (u, bottom - 10 * scale)], bgr("card"))
     canvas.fill([arrow], (255, 255, 255))
@@ -166,93 +198,3 @@ def histogram_panel(mask: np.ndarray, size_wh: tuple[int, int], *, centre: float
             line_in_place(out, [(x, top - 4), (x, base)], bgr(name), 2)
     line_in_place(out, [(0, base + 0.5), (width, base + 0.5)], bgr("track"), 1)
     return out
-
-
-# ---------------------------------------------------------------------------------------------- whole screens
-def diagnostic(frame_bgr: np.ndarray, stages: dict, result, *, size_wh: tuple[int, int] = (1280, 720)) -> np.ndarray:
-    """Everything about one frame on one picture of ``size_wh`` (16:9): the overlay, mask, evidence, bird's-eye view with windows and
-    with the fit, histogram, and numbers. ``stages``: pictures by name as `lanelib.stages` gives them; missing ones stay empty."""
-    out = np.full((720, 1280, 3), bgr("desk"), np.uint8)
-    # two rows, three columns; widths such that overlay (16:9) and bird's-eye views (2:3) are of one height
-    columns, rows = ((12, 704), (728, 264), (1004, 264)), ((36, 396), (470, 195))
-
-    def place(picture, title, x, y, w, h, *, stretch=False):
-        put_text(out, title, (x, y - 9), bgr("label"), cap_px=10)
-        if picture is None:
-            out[y : y + h, x : x + w] = bgr("card")
-            put_text(out, "not available", (x + w / 2, y + h / 2 + 5), bgr("track"), cap_px=10, align="centre")
-        else:
-            out[y : y + h, x : x + w] = fitted(picture, (w, h), stretch=stretch)
-
-    def cell(column, row):
-        return columns[column][0], rows[row][0], columns[column][1], rows[row][1]
-
-    place(overlay(frame_bgr, result, text=False), "lane on the frame", *cell(0, 0))
-    place(stages.get("windows"), "sliding windows on the mask", *cell(1, 0))
-    place(stages.get("fit"), "paint points and fitted lane", *cell(2, 0))
-    x, y, w, h = cell(0, 1)
-    half = (w - GAP) // 2
-    place(stages.get("mask"), "mask of the recipe", x, y, half, h)
-    place(stages.get("evidence"), "evidence for paint, from above", x + half + GAP, y, half, h, stretch=True)
-    mask = stages.get("birdseye_mask")
-    x, y, w, h = cell(1, 1)
-    place(None if mask is None else histogram_panel(mask, (w, h)), "pixels per column, lower half", x, y, w, h)
-    put_text(out, "at the car", (columns[2][0], rows[1][0] - 9), bgr("label"), cap_px=10)
-    _numbers(out, result, cell(2, 1))
-    _status_bar(out, result, 12, 698, 1256)
-    return out if tuple(size_wh) == (1280, 720) else fitted(out, size_wh)
-
-
-def birdseye_beside(above: np.ndarray, frame_bgr: np.ndarray, result, *, size_wh: tuple[int, int] = (1280, 720)) -> np.ndarray:
-    """A bird's-eye picture (2:3, as `birdseye` gives it) at full height, the overlay and the numbers beside it."""
-    out = np.full((720, 1280, 3), bgr("desk"), np.uint8)
-    out[:, :480] = fitted(above, (480, 720))
-    out[60:494, 496:1268] = fitted(overlay(frame_bgr, result, text=False), (772, 434))
-    _numbers(out, result, (496, 510, 772, 110))
-    _status_bar(out, result, 496, 660, 772)
-    return out if tuple(size_wh) == (1280, 720) else fitted(out, size_wh)
-
-
-def _status_bar(out, result, x, base, width) -> None:
-    """Status, confidence, time and reason in one line."""
-    colour = {"measured": "lane area", "held": "held"}.get(result.status, "left line")
-    cv2.circle(out, ((x + 6) * 16, (base - 6) * 16), 6 * 16, bgr(colour), -1, cv2.LINE_AA, 4)
-    words = status_text(result.status)
-    put_text(out, words, (x + 20, base), bgr("text"), cap_px=12, bold=True)
-    rest = [f"confidence {100 * result.confidence:.0f} %", f"{result.milliseconds:.1f} ms", *([str(result.reason)] if result.reason else [])]
-    at = x + 20 + text_width(words, 12, bold=True) + 16
-    put_text(out, shortened(" · ".join(rest), 11, width - (at - x)), (at, base), bgr("label"), cap_px=11)
-
-
-def _numbers(out, result, box) -> None:
-    """A table of what was measured, with standard deviations where they are known."""
-    x, y, w, h = box
-    out[y : y + h, x : x + w] = bgr("card")
-    if result.lane is None:
-        put_text(out, "no lane", (x + 16, y + 36), bgr("text"), cap_px=15, bold=True)
-        for i, words in enumerate(wrapped(str(result.reason), 11, w - 32, max_lines=5)):
-            put_text(out, words, (x + 16, y + 66 + 22 * i), bgr("label"), cap_px=11)
-        return
-    std = getattr(result.lane, "std", None) or {}
-
-    def plus(key, digits, times=1):
-        return f" ±{times * std[key]:.{digits}f}" if np.isfinite(std.get(key, np.nan)) else ""
-
-    rows = [("radius", radius_text(result.radius_m, result.curvature_1pm).removeprefix("R ")),
-            ("curvature", f"{1000 * result.curvature_1pm:+.2f}{plus('curvature_1pm', 2, 1000)} /km"),
-            ("offset", offset_text(result.offset_m).removesuffix(" of centre")),
-            ("lane width", f"{result.width_m:.2f}{plus('width_m', 2)} m"),
-            ("seen to", f"{result.lane.y_range_m[1]:.0f} m")]
-    if w > 500:  # wide: one column each, the number below its name
-        pitch = w / len(rows)
-        for i, (label, value) in enumerate(rows):
-            put_text(out, label, (x + i * pitch + 16, y + h / 2 - 14), bgr("label"), cap_px=11)
-            put_text(out, shortened(value, 12, pitch - 8), (x + i * pitch + 16, y + h / 2 + 18), bgr("text"), cap_px=12)
-        return
-    pitch = h / len(rows)
-    for i, (label, value) in enumerate(rows):
-        base = round(y + (i + 0.5) * pitch + 6)
-        if i:
-            out[round(y + i * pitch), x + 14 : x + w - 14] = bgr("rule")
-        put_text(out, label, (x + 16, base), bgr("label"), cap_px=11)
-        put_text(out, value, (x + w - 16, base), bgr("text"), cap_px=12, align="right")

@@ -1,0 +1,134 @@
+"""Where a road leads in the picture: the vanishing point and the lane's two lines, from paint alone.
+
+Paint is a ridge in the picture too. Every paint point (u, v) and every possible vanishing point (u0, v0) make one
+slope
+
+    s = (u - u0) / (v - v0) = x / height
+
+the lateral position on the road in camera heights, whatever the focal length. Where (u0, v0) is right, the points of
+a straight line fall on one s: a Hough transform over (u0, v0, s). Peaks left and right of the car, a lane width
+apart, are a lane.
+"""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+
+from lanelib.jointfit import UNKNOWN_ROAD, WIDTH
+from lanelib.paint import PAINT_WIDTH_M, paint_channels, ridge_response, weight_of
+
+VOTE_WIDTH_PX = 640  # the vote's picture: paint is still 2 px wide where the vote needs it
+PAINT_WIDTHS_PX = (3, 7)  # each also tries 2.3 times its width (see ``paint``): 3-16 px of 640, far to near
+VOTE_POINTS = 2500  # the strongest paint points of a frame that vote
+HORIZON_ROWS = (0.10, 0.65)  # of the height, from a camera that looks steeply down to one that looks up
+VANISHING_COLUMNS = (0.15, 0.85)  # of the width: a yaw of 20 degrees
+VOTE_STEP = 0.0125  # of height and width: half the slope bin for a point in the middle of the road
+SLOPE_BIN, SLOPE_REACH = 0.06, 4.5  # 7 cm of road for a camera at 1.2 m; lines leave most pictures at 4
+USUAL_HEIGHT_M, HEIGHT_SPREAD = (
+    1.4,
+    0.35,
+)  # cars 1.1-1.7 m, lorries to 2.8 m: log-normal, so that half the lane or two lanes lose
+HEIGHTS_M = (0.8, 3.2)
+
+
+def picture_points(undistorted_bgr: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Paint crests of a picture (H, W, 3) as the camera sees it: pixels (N, 2), weights (N,); of all widths paint
+    has, far to near."""
+    h, w = undistorted_bgr.shape[:2]
+    scale = min(1.0, VOTE_WIDTH_PX / w)
+    small = cv2.resize(undistorted_bgr, (round(w * scale), round(h * scale)), interpolation=cv2.INTER_AREA)
+    z = np.zeros(small.shape[:2], np.float32)
+    for channel in paint_channels(small):
+        for width in PAINT_WIDTHS_PX:
+            z = cv2.max(z, ridge_response(channel, column_m=PAINT_WIDTH_M / width))
+    z = cv2.blur(z, (3, 3))
+    z[: int(HORIZON_ROWS[0] * len(z))] = 0
+    row, column = np.nonzero((z[:, 1:-1] >= z[:, :-2]) & (z[:, 1:-1] > z[:, 2:]))
+    weight = weight_of(z[row, column + 1])
+    best = np.argsort(-weight, kind="stable")[:VOTE_POINTS]
+    best = best[weight[best] > 0]
+    return np.column_stack(
+        [(column[best] + 1.5) * w / small.shape[1] - 0.5, (row[best] + 0.5) * h / small.shape[0] - 0.5]
+    ), weight[best]
+
+
+def vote_grid(size_wh) -> tuple[np.ndarray, np.ndarray]:
+    """Columns and rows (px) of the possible vanishing points."""
+    w, h = size_wh
+    return np.arange(*VANISHING_COLUMNS, VOTE_STEP) * w, np.arange(*HORIZON_ROWS, VOTE_STEP) * h
+
+
+def slope_peaks(points_px, weights, columns, row, height_px) -> np.ndarray:
+    """For vanishing points (columns, row): how far the paint at every slope stands out of its surroundings,
+    (columns, slopes)."""
+    n = int(round(2 * SLOPE_REACH / SLOPE_BIN))
+    below = points_px[:, 1] > row + 0.04 * height_px  # nearer to the horizon one pixel is a lane wide
+    u, v, weight = points_px[below, 0], points_px[below, 1], weights[below]
+    bins = ((u - np.asarray(columns)[:, None]) / (v - row) + SLOPE_REACH) / SLOPE_BIN
+    index = bins.astype(np.int32)
+    inside = (bins >= 0) & (index < n)
+    index += np.arange(len(columns), dtype=np.int32)[:, None] * n
+    table = (
+        np.bincount(index[inside], np.broadcast_to(weight, index.shape)[inside], len(columns) * n)
+        .reshape(-1, n)
+        .astype(np.float32)
+    )
+    sharp = cv2.sepFilter2D(table, -1, np.array([0.5, 1, 0.5]), np.ones(1), borderType=cv2.BORDER_CONSTANT)
+    around = cv2.blur(table, (25, 1), borderType=cv2.BORDER_CONSTANT)  # 1.5 slopes: about a lane's half
+    return np.maximum(sharp - 4 * around, 0)  # twice what an even spread would give
+
+
+def best_pairs(peaks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """For each row of peaks (M, slopes) the best pair of lines left and right of the car: score (M,) and slope
+    difference (M,).
+
+    Both lines must be there (geometric mean), at a distance that a usual camera height explains.
+    """
+    slopes = (np.arange(peaks.shape[1]) + 0.5) * SLOPE_BIN - SLOPE_REACH
+    root = np.sqrt(peaks)
+    left, right = root * (slopes < -0.2), root * (slopes > 0.2)  # a car does not straddle its line: 0.25 m
+    best, difference = np.zeros(len(peaks)), np.full(len(peaks), np.nan)
+    usual = UNKNOWN_ROAD.mean[WIDTH]
+    for k in range(int(usual / HEIGHTS_M[1] / SLOPE_BIN), int(usual / HEIGHTS_M[0] / SLOPE_BIN) + 1):
+        score = (left[:, :-k] * right[:, k:]).max(axis=1) * height_prior(usual / (k * SLOPE_BIN))
+        better = score > best
+        best[better], difference[better] = score[better], k * SLOPE_BIN
+    return best, difference
+
+
+def height_prior(height_m: float) -> float:
+    """How usual a camera height is, 0..1."""
+    return math.exp(-0.5 * (math.log(height_m / USUAL_HEIGHT_M) / HEIGHT_SPREAD) ** 2)
+
+
+def candidates(pictures: list[np.ndarray], *, count: int = 8) -> list[tuple[tuple[float, float], float]]:
+    """The most promising (vanishing point in px, height in m for a lane of the usual width), best first, of
+    undistorted pictures."""
+    h, w = pictures[0].shape[:2]
+    columns, rows = vote_grid((w, h))
+    total = np.zeros((len(rows), len(columns)), np.float32)
+    differences = []
+    for picture in pictures:
+        points, weights = picture_points(picture)
+        scored = [best_pairs(slope_peaks(points, weights, columns, row, h)) for row in rows]
+        one = np.array([s for s, _ in scored], np.float32)
+        total += cv2.GaussianBlur(one, (5, 5), 1.0)  # the car nods and weaves: neighbours agree
+        differences.append((one, np.array([d for _, d in scored])))
+    peak = (total >= cv2.dilate(total, np.ones((5, 5)))) & (total > 0)
+    found = []
+    for i, j in sorted(map(tuple, np.argwhere(peak)), key=lambda ij: -total[ij])[:count]:
+        near = slice(max(i - 1, 0), i + 2), slice(max(j - 1, 0), j + 2)
+        score = np.concatenate([s[near].ravel() for s, _ in differences])
+        difference = np.concatenate([d[near].ravel() for _, d in differences])
+        order = np.argsort(difference[score > 0])
+        middle = np.searchsorted(np.cumsum(score[score > 0][order]), score.sum() / 2)
+        found.append(
+            (
+                (float(columns[j]), float(rows[i])),
+                float(UNKNOWN_ROAD.mean[WIDTH] / difference[score > 0][order][middle]),
+            )
+        )
+    return found

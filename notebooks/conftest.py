@@ -1,0 +1,53 @@
+"""nbval with a tolerance: the words of an output must match, its numbers must be close.
+
+Integers are counts and must be equal; numbers with a point agree within 1e-3, because the width of a processor's
+vector unit alone moves the RMS of a calibration by 8e-4. Used by `make test-notebooks`.
+"""
+
+import math
+import re
+
+import pytest
+
+# The sources are no modules to import; the learner's notebooks hold no outputs to compare.
+collect_ignore_glob = ["source/*", "learner/*"]
+
+RTOL, ATOL = 1e-3, 1e-6
+NUMBER = re.compile(r"(?<![\w.])[-+−]?(?:\d+\.\d*|\.\d+|\d+)(?:[eE][-+]?\d+)?(?!\w)")
+
+
+class Tolerant(str):
+    """A text that equals another one with the same words and nearly the same numbers."""
+
+    __hash__ = str.__hash__
+
+    def __eq__(self, other):
+        if str.__eq__(self, other):
+            return True
+        if not isinstance(other, str):
+            return False
+        words = [" ".join(NUMBER.sub(" # ", str(text)).split()) for text in (self, other)]
+        mine, theirs = NUMBER.findall(self), NUMBER.findall(other)
+        return words[0] == words[1] and all(map(close, mine, theirs))
+
+    def __ne__(self, other):
+        return not self == other
+
+
+def close(one: str, other: str) -> bool:
+    """Whether two numbers, as written, are the same for a reader."""
+    one, other = one.replace("−", "-"), other.replace("−", "-")
+    if one.lstrip("+-").isdigit() and other.lstrip("+-").isdigit():
+        return int(one) == int(other)
+    return math.isclose(float(one), float(other), rel_tol=RTOL, abs_tol=ATOL)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_configure(config):
+    """Let nbval compare tolerantly."""
+    try:
+        from nbval.plugin import IPyNbCell
+    except ImportError:
+        return
+    plain = IPyNbCell.sanitize
+    IPyNbCell.sanitize = lambda self, text: Tolerant(plain(self, text)) if isinstance(text, str) else text

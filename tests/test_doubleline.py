@@ -1,0 +1,71 @@
+"""doubleline.py: of a double line the inner one is the boundary; single and worn lines are left where they are."""
+
+import cv2
+import numpy as np
+import pytest
+from roads import Lane7, paint_scan, points
+
+from lanelib.birdseye import Grid
+from lanelib.doubleline import inward, stripe_edges
+from lanelib.jointfit import fit
+
+GRID = Grid(np.arange(-192, 193) * 0.05, np.linspace(1 / np.sqrt(80), 1 / np.sqrt(4), 136) ** -2.0)
+LANE = Lane7(centre=0.15, heading=0.02, bend=-1 / 500, width=3.6)
+BRIGHT = (200, 200, 200)
+
+
+def picture_of(*stripes):
+    """Grey (H, W) uint8 scan, blurred as a frame is: stripes (x of y, width)."""
+    scan = paint_scan(GRID, [(x_of_y, width, BRIGHT) for x_of_y, width in stripes], noise=2)
+    return np.ascontiguousarray(cv2.blur(scan, (3, 1))[..., 1])
+
+
+def fit_along(lane):
+    """The fit of points on the middles of the lane's stripes."""
+    y, q = GRID.y_m, 1 / GRID.y_m
+    rows = np.arange(len(y))
+    bearing = np.concatenate([lane.x(y, s) * q for s in (-1, 1)])
+    return fit(points(bearing, np.tile(q, 2), np.tile(rows, 2), np.ones(2 * len(y))), lane.mean)
+
+
+def double(side, apart=0.2, width=0.1):
+    """Two lines ``apart`` from middle to middle, around the lane's line; and where its inner one is."""
+    lines = [(lambda y, s=s: LANE.x(y, side) + s * apart / 2, width) for s in (-1, 1)]
+    return lines, apart / 2
+
+
+def single(side, width=0.12):
+    return (lambda y: LANE.x(y, side), width)
+
+
+@pytest.mark.parametrize("apart", [0.18, 0.2, 0.22])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_the_boundary_is_the_inner_line(side, apart):
+    lines, shift = double(side, apart)
+    found = inward(fit_along(LANE), picture_of(*lines, single(-side)), GRID)
+    assert found[(side + 1) // 2] == pytest.approx(shift, abs=0.03)
+    assert found[(1 - side) // 2] == 0
+
+
+@pytest.mark.parametrize("width", [0.08, 0.12, 0.16])
+def test_single_lines_stay_where_they_are(width):
+    assert inward(fit_along(LANE), picture_of(single(-1, width), single(1, width)), GRID) == (0, 0)
+
+
+def test_without_paint_or_with_a_broad_surface_nothing_moves():
+    assert inward(fit_along(LANE), picture_of(), GRID) == (0, 0)
+    assert inward(fit_along(LANE), picture_of(single(-1, 0.8), single(1, 0.8)), GRID) == (0, 0)
+
+
+def test_edges_are_found_to_a_fraction_of_a_column():
+    x = np.full(40, 1.0)
+    for width in (0.1, 0.22, 0.4):
+        picture = paint_scan(Grid(GRID.x_m, GRID.y_m[-40:]), [(lambda y: 1.03 + 0 * y, width, BRIGHT)])[..., 0]
+        left, right = stripe_edges(np.ascontiguousarray(picture), x, GRID)
+        assert left == pytest.approx(0.03 - width / 2, abs=0.03) and right == pytest.approx(0.03 + width / 2, abs=0.03)
+    assert stripe_edges(np.full((40, 385), 100, np.uint8), x, GRID) == (0, 0)
+
+
+def test_lines_at_the_pictures_border_do_no_harm():
+    for x in (-50.0, -9.6, 9.6, 50.0):
+        assert np.isfinite(stripe_edges(np.full((40, 385), 100, np.uint8), np.full(40, x), GRID)).all()
