@@ -14,9 +14,9 @@ PRESETS = ("ultrafast", "superfast", "veryfast", "faster", "fast", "medium", "sl
 HELP_WIDTH = 100
 RIG_HELP = (
     "Without --rig the rig is the one of the data set that the file lies in (test_images/SET, test_videos/SET); for "
-    "other files every rig in rigs/ whose proportions fit is tried on up to 8 frames, and the one is taken under "
-    "which lanes are found most confidently and with the least strain. Which one it was is said. Make one for your own camera "
-    "with `lanelib rig`."
+    "other files every rig in rigs/ whose proportions fit is tried on up to 8 frames, and the one is taken under which "
+    "lanes are found most confidently and with the least strain. Which one it was is said. Make one for your own "
+    "camera with `lanelib rig`."
 )
 OVERWRITE_HELP = (
     "A file that is there is replaced, and only when the new one is complete. A name that begins with a dash goes "

@@ -35,8 +35,8 @@ HFOV_DEG = 60.0
 STRAIGHT_1PM = 1 / 1500  # the lane leaves a straight line by 0.3 m in 30 m
 CURVED_1PM = 1 / 150  # beyond, heading at the car and the bend trade places in the fit
 BOTH_LINES_ROWS = 6.0  # rows of paint on the weaker line, of 136: a dash near the car has 15, a speck 3
-# of a rig for one frame (see ``tried``): faint dots on concrete have 0.3, pictures upside down seldom more. For n frames
-# less by n^(1/4): frames without a road do not agree on a rig (they reach 0.2), and some may be empty
+# of a rig for one frame (see ``tried``): faint dots on concrete have 0.3, pictures upside down seldom more. For n
+# frames less by n^(1/4): frames without a road do not agree on a rig (they reach 0.2), and some may be empty
 MINIMUM_VALUE = 0.32
 UNCERTAIN_PITCH, UNCERTAIN_HEADING = np.deg2rad((0.5, 1.5))  # standard deviations that make a rig useless
 # steps and their length, of the picture's height: what the fit's own search for pitch (0.7 deg) just reaches
@@ -279,7 +279,8 @@ def _estimate(rig, used, frames, dash, focal_std, lane_width_m, assumed, dash_pe
     focal = float(rig.camera.camera_matrix[0, 0])
     bend = float(np.median(np.abs([2 * r.fit.mean[BEND] for r in used])))
     if not assumed:
-        how = "calibrated"
+        rms = rig.camera.rms_px
+        how = "calibrated" if rms is None else f"calibrated, RMS {rms:.2f} px"
     elif dash_period_m is not None:
         how = f"+- {focal_std:.0f} from dashes every {dash_period_m} m"
     else:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
+import cv2
 import numpy as np
 
 from lanelib import jointfit, threshold, windows
@@ -21,7 +22,7 @@ from lanelib.errors import LanelibError
 from lanelib.hypotheses import hypotheses
 from lanelib.jointfit import JointFit, Points
 from lanelib.lane import Check, Lane, check_lane
-from lanelib.paint import paint_evidence, paint_points
+from lanelib.paint import evidence_of, paint_channels, paint_channels_yuv, paint_points
 from lanelib.result import LaneResult, line_at_rows
 from lanelib.rig import SCAN_COLUMN_M, Rig, View
 from lanelib.tracking import LaneTracker
@@ -90,6 +91,26 @@ class LaneFinder:
             view = self.view((frame.shape[1], frame.shape[0]))
         except LanelibError as error:
             return LaneResult(None, "none", str(error))
+        return self._outcome(frame, view, begin)
+
+    def process_yuv420(self, frame_yuv: np.ndarray) -> LaneResult:
+        """The same for a YUV420p frame (H * 3 / 2, W) uint8 as video decoders give it (Y, then U, then V), without
+        converting it; H and W even."""
+        begin = time.perf_counter()
+        try:
+            if not isinstance(frame_yuv, np.ndarray) or frame_yuv.dtype != np.uint8 or frame_yuv.ndim != 2:
+                raise LanelibError("a YUV420p frame must be a 2-D array of uint8 (H * 3 / 2, W); see video.read_frames")
+            height, width = frame_yuv.shape[0] * 2 // 3, frame_yuv.shape[1]
+            if height % 2 or width % 2 or frame_yuv.shape[0] != height * 3 // 2 or frame_yuv.size == 0:
+                raise LanelibError(f"a YUV420p frame has an even width and height, found {width}x{height}")
+            view = self.view((width, height))
+        except LanelibError as error:
+            return LaneResult(None, "none", str(error))
+        if self.order != "finder":
+            return self._outcome(cv2.cvtColor(frame_yuv, cv2.COLOR_YUV2BGR_I420), view, begin)
+        return self._outcome(frame_yuv, view, begin)
+
+    def _outcome(self, frame: np.ndarray, view: View, begin: float) -> LaneResult:
         fit, reason, checks = (self._measure_joint if self.model == "joint" else self._measure_windows)(frame, view)
         result = self._result(fit, reason, checks, view)
         return replace(result, milliseconds=(time.perf_counter() - begin) * 1e3)
@@ -102,10 +123,13 @@ class LaneFinder:
 
     # ------------------------------------------------------------------ the joint model
     def points(self, frame: np.ndarray, view: View) -> tuple[Points, np.ndarray]:
-        """Paint points of a frame, in the finder's or the textbook order, and the (H, W) uint8 picture in which
-        they were seen."""
+        """Paint points of a frame (BGR, or YUV420p where 2-D), in the finder's or the textbook order, and the (H,
+        W) uint8
+        picture in which they were seen."""
         if self.order == "finder":
-            z, picture = paint_evidence(view.scan(frame), column_m=SCAN_COLUMN_M)
+            yuv = frame.ndim == 2
+            channels = paint_channels_yuv(*view.scan_yuv420(frame)) if yuv else paint_channels(view.scan(frame))
+            z, picture = evidence_of(*channels, column_m=SCAN_COLUMN_M)
             return view.points(paint_points(z)), picture
         mask = view.scan_undistorted(self.recipe.function(view.rig.camera.undistort(frame)))
         return view.points_of_mask(mask), mask
@@ -126,9 +150,15 @@ class LaneFinder:
 
     def _track(self, points: Points, picture: np.ndarray, view: View):
         """The lane near where the last one was; in doubt, a fresh search challenges it."""
-        prior, start = self.tracker.fit_prior(), self.tracker.predict().mean
-        near = jointfit.nearby(points, start, gate=2 * jointfit.TRACK_GATES[0])
-        fit = jointfit.fit(near, start, prior=prior, gates=jointfit.TRACK_GATES, reach_m=jointfit.SEARCH_REACH_M[-1:])
+        prediction = self.tracker.predict()
+        near = jointfit.nearby(points, prediction.mean, gate=2 * jointfit.TRACK_GATES[0])
+        fit = jointfit.fit(
+            near,
+            prediction.mean,
+            prior=self.tracker.fit_prior(prediction),
+            gates=jointfit.TRACK_GATES,
+            reach_m=jointfit.SEARCH_REACH_M[-1:],
+        )
         known = self.tracker.known_inward()
         tracked = self._judge(replace(fit, inward_m=inward(fit, picture, view.grid) if known is None else known), view)
         if self.tracker.is_in_doubt(fit, lost=tracked[0] is None):

@@ -86,11 +86,26 @@ def ridge_response(channel: np.ndarray, *, column_m: float = 0.05) -> np.ndarray
     return z
 
 
+def paint_channels_yuv(luma: np.ndarray, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same from the planes of a video frame (limited range, ITU-R BT.601), each (H, W) uint8, without a colour
+    picture:
+
+    R = Y + 1.402 V, G = Y - 0.344 U - 0.714 V, B = Y + 1.772 U give (R + G) / 2 - B = 0.344 V - 1.944 U, here
+    times 255 / 224.
+    """
+    yellow = cv2.addWeighted(v, 0.392, u, -2.213, (2.213 - 0.392) * 128)
+    return cv2.addWeighted(luma, 1.164, luma, 0, -1.164 * 16), yellow
+
+
 def paint_evidence(view_bgr: np.ndarray, *, column_m: float = 0.05) -> tuple[np.ndarray, np.ndarray]:
     """z of brightness or yellow, whichever is larger, smoothed over 3 x 3, (H, W) float32; and the picture (H, W)
-    uint8 of
-    brightness plus yellow in which all paint is bright."""
-    brightness, yellow = paint_channels(view_bgr)
+    uint8
+    of brightness plus yellow in which all paint is bright. ``view_bgr``: (H, W, 3) uint8 bird's-eye picture."""
+    return evidence_of(*paint_channels(view_bgr), column_m=column_m)
+
+
+def evidence_of(brightness: np.ndarray, yellow: np.ndarray, *, column_m: float = 0.05) -> tuple[np.ndarray, np.ndarray]:
+    """``paint_evidence`` of the two channels, each (H, W) uint8."""
     z = cv2.max(ridge_response(brightness, column_m=column_m), ridge_response(yellow, column_m=column_m))
     return cv2.blur(z, (3, 3)), cv2.add(brightness, yellow)
 

@@ -72,6 +72,11 @@ class Rig:
         rows = np.linspace(1 / math.sqrt(far), 1 / math.sqrt(self.near_m), SCAN_ROWS) ** -2
         return Grid(np.arange(-n, n + 1) * SCAN_COLUMN_M, rows)
 
+    def scaled_loosely(self, factor: float) -> Rig:
+        """The rig of planes that are ``factor`` the size, the size rounded down."""
+        w, h = self.size_wh
+        return self.scaled((int(w * factor), int(h * factor)))
+
     def scaled(self, size_wh) -> Rig:
         """The same rig for another resolution of the same camera; LanelibError where the aspect ratio differs."""
         if tuple(size_wh) == tuple(self.size_wh):
@@ -150,6 +155,20 @@ class View:
     def scan(self, frame: np.ndarray) -> np.ndarray:
         """The small bird's-eye view of a frame as given."""
         return cv2.remap(frame, *self._table, cv2.INTER_LINEAR)
+
+    def scan_yuv420(self, frame_yuv: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The planes of the small bird's-eye view, each (H, W) uint8, of a YUV420p frame (height * 3 / 2, width)."""
+        width, height = self.rig.size_wh
+        half = (height // 2, width // 2)
+        luma = cv2.remap(frame_yuv[:height], *self._table, cv2.INTER_LINEAR)
+        u, v = (plane.reshape(half) for plane in np.split(frame_yuv[height:].reshape(-1), 2))
+        return luma, *(cv2.remap(plane, *self._half_table, cv2.INTER_LINEAR) for plane in (u, v))
+
+    @cached_property
+    def _half_table(self):
+        """The look-up table for planes of half the size (MPEG-2 siting is half a pixel off sideways: 3 mm on the
+        road)."""
+        return self.rig.scaled_loosely(0.5).birdseye.table(self.rig.scaled_loosely(0.5).camera, self.grid)
 
     def scan_undistorted(self, picture: np.ndarray) -> np.ndarray:
         """The same of an undistorted picture or mask."""

@@ -108,11 +108,9 @@ class LaneTracker:
         covariance = self.fit.covariance * np.outer(r, r) + np.diag((1 - r**2) * spread)
         return Prior(mean, covariance)
 
-    def fit_prior(self) -> Prior | None:
-        """The prior under which a frame is to be fitted: the prediction (kalman), or the unknown road (the other
-        smoothers)."""
-        prediction = self.predict()
-        return prediction if prediction is None or self.smoothing == "kalman" else self.background
+    def fit_prior(self, prediction: Prior) -> Prior:
+        """Under which prior to fit a frame: the prediction (kalman), or the unknown road (the other smoothers)."""
+        return prediction if self.smoothing == "kalman" else self.background
 
     def update(self, fit: JointFit | None, reason: str = "") -> Event:
         """Take in a frame's fit, or that it had none."""
@@ -128,7 +126,9 @@ class LaneTracker:
         if self.fit is None:
             self._usual_rows = float(fit.support.sum())
         smoothed = self._smooth(fit)
-        if self.fit is not None and self.fit.inward_m != fit.inward_m:  # a double line stays one while a frame is unsure of it
+        if (
+            self.fit is not None and self.fit.inward_m != fit.inward_m
+        ):  # a double line stays one while a frame is unsure of it
             calm = [old + 0.4 * (new - old) for old, new in zip(self.fit.inward_m, fit.inward_m, strict=True)]
             smoothed = replace(smoothed, inward_m=tuple(calm))
         self._drive_pitch += 0.02 * (smoothed.mean[PITCH] - self._drive_pitch)

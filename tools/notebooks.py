@@ -57,6 +57,8 @@ def run(notebook, folder: Path, name: str):
     from nbclient.exceptions import CellExecutionError
     from patient import PatientClient
 
+    path = os.environ.get("PYTHONPATH", "")
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), path]))  # lanelib of this checkout
     client = PatientClient(
         notebook,
         timeout=CELL_TIMEOUT_S,

@@ -1,0 +1,21 @@
+"""Live explorers for notebooks: move a control, see picture and numbers change within a tenth of a second.
+
+distortion, boards      what a lens does; the chessboards of a calibration and the error of each
+threshold               a channel or gradient, its range, precision and recall; a recipe and its code
+warp                    the four corners of the bird's-eye view, dragged on the picture
+detect                  windows, margins, models: the stages of one frame
+smoothing               a recorded clip smoothed in four ways, against truth
+scrub                   any frame and stage of a clip; the worst frames
+simulator               a road of your making, and what the pipeline says about it
+
+Each returns a widget (`Explorer`) whose callback calls a plain function (`threshold_look`, …) that gives a `Look`:
+the picture and the numbers, made by the same functions of lanelib as in the text.
+"""
+
+from lanelib.explore.kit import Explorer
+from lanelib.explore.look import Look, Reading
+from lanelib.explore.masks import threshold, threshold_look
+from lanelib.explore.painttruth import PaintTruth, paint_truth
+from lanelib.explore.steps import Step, combined, recipe_code
+
+__all__ = ["Explorer", "Look", "PaintTruth", "Reading", "Step", "combined", "paint_truth", "recipe_code", "threshold", "threshold_look"]
