@@ -124,7 +124,7 @@ class Rig:
             raise LanelibError(f"cannot read the rig {path}: {error.strerror}; make one with `lanelib rig`") from None
         except LanelibError as error:
             raise LanelibError(f"{path}: {error}") from None
-        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
             raise LanelibError(f"{path} is not a rig file ({RIG_FORMAT}); make one with `lanelib rig`") from None
 
 

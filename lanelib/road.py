@@ -274,10 +274,12 @@ def frame_truth(road: Road, pose: CarPose, mounting: Mounting, camera_matrix: np
         points = line_in_car_axes(road, pose, marking.d_m, s)
         uv = project(points, mounting, camera_matrix, distortion)
         ok = np.isfinite(uv[:, 1])
-        uv = uv[ok]
+        uv, s = uv[ok], s[ok]
+        lowest = int(np.argmax(uv[:, 1])) if len(uv) else 0  # at the edge of what the lens shows a line may dip first
+        uv, s = uv[lowest:], s[lowest:]
         over = np.flatnonzero(np.diff(uv[:, 1]) >= 0)  # behind a crest the line comes down again: out of sight
         n = over[0] + 1 if len(over) else len(uv)
-        u, v, s_ok = uv[:n, 0][::-1], uv[:n, 1][::-1], s[ok][:n][::-1]  # far to near: rows increase
+        u, v, s_ok = uv[:n, 0][::-1], uv[:n, 1][::-1], s[:n][::-1]  # far to near: rows increase
         u_row = np.interp(rows, v, u, left=np.nan, right=np.nan)
         s_row = np.interp(rows, v, s_ok, left=np.nan, right=np.nan)
         seen = (u_row > -0.5) & (u_row < w - 0.5)

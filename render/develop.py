@@ -67,7 +67,7 @@ def droplets(frame_bgr, *, seed, number=150, largest_px=17):
     soft = cv2.GaussianBlur(frame_bgr, (0, 0), 2.5 * w / 1280)
     out = cv2.remap(soft, map_u, map_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101).astype(np.float32)
     drop = cv2.GaussianBlur((map_u != u).astype(np.float32), (0, 0), 1.0 * w / 1280)[..., None]
-    out = out * (1 - 0.45 * cv2.GaussianBlur(rim, (0, 0), 1.0)[..., None])
+    out = out * (1 - 0.22 * cv2.GaussianBlur(rim, (0, 0), 1.0)[..., None]) + 6
     veil = cv2.GaussianBlur(frame_bgr, (0, 0), 3.0 * w / 1280).astype(np.float32)
     base = 0.55 * frame_bgr + 0.45 * veil  # a film of water between the wiper's strokes
     return np.clip(base * (1 - drop) + out * drop + 0.5, 0, 255).astype(np.uint8)

@@ -80,7 +80,7 @@ class World:
             up = np.clip(np.cos(v), 0, 1)
             x, y = np.broadcast_arrays(np.arange(w)[None] * 2.0, np.arange(h)[:, None] * 3.0)
             cloud = fractal(x, y, 900 + self.scene.get("seed", 1), 4, 512.0)
-            dome = (0.55 + 0.75 * up) * (1 + sky.get("clouds", 0.12) * cloud)  # CIE overcast: zenith three times horizon
+            dome = (0.85 + 0.45 * up) * (1 + sky.get("clouds", 0.12) * cloud)  # thin overcast: little brighter overhead
             dome = np.clip(dome, 0.02, None)[..., None] * np.array(sky.get("rgb", [0.95, 1.0, 1.08]))
             to_world = mi.ScalarTransform4f().rotate([1, 0, 0], 90)
             self.parts["sky"] = {"type": "envmap", "bitmap": mi.Bitmap((dome * sky.get("level", 0.12)).astype(np.float32)),

@@ -212,3 +212,13 @@ def test_the_lane_beside_the_reference_line_has_its_own_radius():
         truth = frame_truth(Road([0], [kappa]), CarPose(d_m=5.0), Mounting(), K, DIST, SIZE, left, right)
         assert truth["radius_m"] == pytest.approx(radius, abs=1e-3)
         assert np.sign(truth["curvature_1pm"]) == np.sign(kappa)
+
+
+def test_a_line_is_seen_where_the_lens_folds_near_the_car():
+    """Just inside the fold of a strong barrel lens the nearest points of a line may dip; the rest is still in sight."""
+    lens = (-0.242, -0.030, -0.0008, 0.0003, 0.0)
+    matrix = np.array([[1155.0, 0, 665.3], [0, 1152.0, 386.7], [0, 0, 1]])
+    mounting = Mounting(1.25, -1.45, 0.25, 0.35)
+    truth = frame_truth(Road([0], [0.0]), CarPose(), mounting, matrix, lens, (1280, 720), Marking(-1.83), Marking(1.83))
+    for line in truth["lanes"]:
+        assert sum(x >= 0 for x in line) >= 25

@@ -182,33 +182,34 @@ def test_a_wrong_lane_is_not_held(wrong):
 
 
 # ---------------------------------------------------------------------------------------------- smoothing
-def drive(smoothing, seed=0, n=240):
-    """A road that swings from left to right and a car that weaves, dashes on the right, points scattered and missing.
+AT_M = np.array([0.0, 10.0, 20.0])
 
-    Returns estimated and true x of the lane's centre at 15 m and 0 m, (n, 2) each."""
+
+def drive(smoothing, seed=0, n=240):
+    """A road that swings from left to right, a car that weaves and nods, a dashed line on the right; four of five points
+    are missing, the others scattered by 2.5 px. Estimated and true x of the lane's centre at AT_M, (n, 3) each."""
     f, rng, found, true = finder(smoothing=smoothing), np.random.default_rng(seed), [], []
     for i in range(n):
         t = i / 25
-        # the lens shakes: 0.1 degrees of pitch from frame to frame
+        pitch = np.radians(0.1 * np.sin(2 * np.pi * 1.3 * t))
         lane = Lane7(0.3 * np.sin(2 * np.pi * t / 6), 0.012 * np.cos(2 * np.pi * t / 6),
-                     np.sin(2 * np.pi * t / 7) / 700, 0.0, 3.65, np.radians(rng.normal(0, 0.1)))
-        result = f.see(lane, rng=rng, px=1.5, drop=0.6, gaps={1: (3.66, 14.63, -28 * t % 14.63)})
+                     np.sin(2 * np.pi * t / 7) / 700, 0.0, 3.65, pitch)
+        result = f.see(lane, rng=rng, px=2.5, drop=0.8, gaps={1: (3.66, 14.63, -28 * t % 14.63)})
         assert result.status == "measured"
-        at = np.array([15.0, 0.0])
-        found.append((result.lane.left.x(at) + result.lane.right.x(at)) / 2)
-        true.append(lane.x(at, 0))
+        found.append((result.lane.left.x(AT_M) + result.lane.right.x(AT_M)) / 2)
+        true.append(lane.x(AT_M, 0))
     return np.array(found), np.array(true)
 
 
-def jitter(values):
-    """Root mean square of the second difference: what the eye sees as trembling."""
-    return float(np.sqrt(np.mean(np.diff(values, 2) ** 2)))
+def jitter(found, true):
+    """Root mean square of the error's change from frame to frame, at each of AT_M."""
+    return np.sqrt(np.mean(np.diff(found - true, axis=0) ** 2, axis=0))
 
 
 def lag_frames(found, true):
-    """The delay in frames at which the estimate follows the truth best."""
+    """The delay in frames at which the estimate at 20 m follows the truth best."""
     delays = range(0, 15)
-    misfit = [np.mean((found[15:] - true[15 - d:len(true) - d]) ** 2) for d in delays]
+    misfit = [np.mean((found[15:, 2] - true[15 - d : len(true) - d, 2]) ** 2) for d in delays]
     return delays[int(np.argmin(misfit))]
 
 
@@ -218,22 +219,25 @@ def drives():
 
 
 def test_the_filter_is_calmer_than_none_and_hardly_late(drives):
-    """Jitter of the lane's centre at 15 m above the truth's own; error; lag at most 0.16 s (issue: under 0.2 s)."""
+    """Less jitter, less error, and a lag of 0.16 s at most (the issue asks for 0.2 s)."""
     found, true = drives["kalman"]
     single, _ = drives["none"]
-    assert jitter(found[:, 0] - true[:, 0]) < 0.75 * jitter(single[:, 0] - true[:, 0])
-    assert lag_frames(found[:, 0], true[:, 0]) <= 4
-    assert np.abs(found - true)[10:].mean() < 1.1 * np.abs(single - true)[10:].mean()
-    assert np.abs(found - true)[10:].max() < 0.35
+    assert (jitter(found, true) < [0.6 * jitter(single, true)[0], *(0.95 * jitter(single, true)[1:])]).all()
+    error, error_single = (np.abs(x - true)[10:].mean(axis=0) for x in (found, single))
+    assert error[0] < 0.75 * error_single[0] and (error < 1.05 * error_single).all()
+    assert error.max() < 0.03 and np.abs(found - true)[10:].max() < 0.2
+    assert lag_frames(found, true) <= 4
 
 
 @pytest.mark.parametrize("smoothing", ["average", "exponential"])
 def test_the_classic_smoothers_are_calm_and_late(drives, smoothing):
+    """What notebook 05 shows: their jitter is half of none's, and they pay for it in lag and error."""
     found, true = drives[smoothing]
     single, _ = drives["none"]
-    assert jitter(found[:, 0]) < 0.6 * jitter(single[:, 0])
-    assert 1 <= lag_frames(found[:, 0], true[:, 0]) <= 6
-    assert lag_frames(drives["none"][0][:, 0], true[:, 0]) == 0
+    assert (jitter(found, true) < 0.6 * jitter(single, true)).all()
+    assert 1 <= lag_frames(found, true) <= 6 and lag_frames(single, true) == 0
+    kalman = np.abs(drives["kalman"][0] - true)[10:].mean(axis=0)
+    assert (np.abs(found - true)[10:].mean(axis=0) > 1.5 * kalman).all()
 
 
 def test_average_weighs_by_each_fits_variance():

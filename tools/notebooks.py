@@ -47,7 +47,8 @@ def build(path: Path, *, learner_only: bool = False) -> str:
         return f"{path.stem}: wrote the learner's notebook"
     began = time.perf_counter()
     notebook = run(source.solved_notebook(cells, path.stem), BOOKS, path.stem)
-    described = {c.id: cell.alt for c, cell in zip(notebook.cells, source.with_navigation(cells, path.stem), strict=True)}
+    linked = source.with_navigation(cells, path.stem)
+    described = {made.id: cell.alt for made, cell in zip(notebook.cells, linked, strict=True)}
     size = _write(tidy(notebook, described), BOOKS / f"{path.stem}.ipynb")
     return f"{path.stem}: {len(cells)} cells run in {time.perf_counter() - began:.0f} s, {size / 1000:.0f} kB"
 
@@ -119,7 +120,7 @@ def main(argv=None) -> int:
     """The command line."""
     parser = argparse.ArgumentParser(prog="notebooks", description=__doc__.split("\n")[0])
     parser.add_argument("command", choices=("build", "check", "run-learner"))
-    parser.add_argument("numbers", nargs="*", metavar="NN", help="which notebooks, 00 to 08; all of them if none is given")
+    parser.add_argument("numbers", nargs="*", metavar="NN", help="00 to 08; all if none is given")
     parser.add_argument("--learner", action="store_true", help="build: only the learner's notebooks")
     args = parser.parse_args(argv)
     try:

@@ -98,7 +98,7 @@ def birdseye(
         )
     scale = max(picture.shape[0] / 720, 0.5)
     if lane is not None:
-        y = np.geomspace(max(0.5 * grid.y_m[-1], 0.5), grid.y_m[0] * 1.5, 160)
+        y = np.geomspace(max(0.5 * grid.y_m[-1], 0.5), grid.y_m[0] * 4, 240)
         for line, name in ((lane.left, "left line"), (lane.right, "right line")):
             flat = lane.surface.flat_from_road(np.column_stack([line.x(y), y]))
             on = pixels_of_road(grid, flat)

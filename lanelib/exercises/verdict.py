@@ -45,12 +45,12 @@ def never_raises(checker: Callable[..., Verdict]) -> Callable[..., Verdict]:
         try:
             return checker(*answer, **options)
         except Exception as error:
-            return not_yet(f"the answer could not be judged ({_said(error)}); compare its type with the text above")
+            return not_yet(f"the answer could not be judged ({said_by(error)}); compare its type with the text above")
 
     return checked
 
 
-def _said(error: BaseException) -> str:
+def said_by(error: BaseException) -> str:
     """An exception in a few words."""
     text = " ".join(str(error).split())
     return f"{type(error).__name__}: {text[:160]}" if text else type(error).__name__

@@ -8,6 +8,7 @@ from functools import lru_cache
 import cv2
 import ipywidgets as W
 import numpy as np
+import traitlets
 
 from lanelib.channels import CHANNELS, as_bgr, in_range
 from lanelib.draw import side_by_side
@@ -135,15 +136,7 @@ def threshold(frame_bgr: np.ndarray, truth=None) -> Explorer:
     return explorer
 
 
-class _Steps(W.ValueWidget):
-    """The steps of the recipe as a control: a tuple of `Step`."""
+class _Steps(traitlets.HasTraits):
+    """The steps of the recipe as a control without a face: a tuple of `Step`."""
 
-    def __init__(self):
-        super().__init__()
-        self.add_traits(value=_steps_trait())
-
-
-def _steps_trait():
-    import traitlets
-
-    return traitlets.Any(())
+    value = traitlets.Any(())

@@ -112,7 +112,7 @@ def combined(masks: Sequence[np.ndarray], ways: Sequence[str]) -> np.ndarray:
 
 def recipe_code(steps: Sequence[Step], name: str = "my_recipe") -> str:
     """A function in lanelib's words that does what the steps do; runs as it stands."""
-    lines, used = [], ""
+    lines = []
     if any(step.equalise for step in steps):
         lines.append("equalised = equalise_lightness(frame_bgr)")
     for i, step in enumerate(steps):
@@ -132,7 +132,6 @@ def recipe_code(steps: Sequence[Step], name: str = "my_recipe") -> str:
     head = ["import numpy as np"] if "np." in used else []
     for module, names in needs.items():
         names = [n for n in names if f"{n}(" in used or f"{n}[" in used]
-        # "abs_sobel_mask(" holds no "sobel(", but a name must not be taken for the end of a longer one
         head += [f"from {module} import {', '.join(names)}"] if names else []
     body = "\n".join(f"    {line}" for line in lines)
     doc = '    """(H, W, 3) uint8 BGR -> mask (H, W) uint8 0/255."""'
