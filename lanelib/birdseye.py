@@ -132,7 +132,8 @@ class BirdsEye:
 
     def __post_init__(self):
         h = np.asarray(self.road_from_image, float)
-        if h.shape != (3, 3) or not np.all(np.isfinite(h)) or abs(np.linalg.det(h / np.abs(h).max())) < 1e-15:
+        good = h.shape == (3, 3) and np.all(np.isfinite(h)) and np.any(h)
+        if not good or abs(np.linalg.det(h / np.abs(h).max())) < 1e-15:
             raise LanelibError("road_from_image must be a finite, invertible 3x3 matrix; make the rig again")
         w, height = self.size_wh
         if h[2] @ (w / 2, 1.2 * height, 1) < 0:  # homographies have no sign: make the road side the positive one
@@ -174,8 +175,7 @@ class BirdsEye:
         """The trapezoid that everyone copies, with the metres that everyone assumes (30 m long, a lane 3.7 m wide).
 
         Kept for comparison: notebook 03 measures how far its 30 m are from the truth. The camera's own position is
-        not
-        known to it, so ``near_m`` says how far ahead of the camera its lower edge lies.
+        not known to it, so ``near_m`` says how far ahead of the camera its lower edge lies.
         """
         target_width = CLASSIC_TARGET[1, 0] - CLASSIC_TARGET[0, 0]  # the lane is half the bird's-eye picture
         x = (CLASSIC_TARGET[:, 0] - CLASSIC_TARGET[:, 0].mean()) / target_width * lane_width_m

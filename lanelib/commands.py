@@ -7,7 +7,12 @@ could not be used and the rest was done.
 import argparse
 import json
 import sys
+import tempfile
+import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -51,7 +56,8 @@ def calibrate(args: argparse.Namespace, console: Console) -> int:
 
 
 def calibration_report(found) -> Iterator[str]:
-    """Lines about a `calibration.Calibration`: every board, the overall error, the intrinsics and their deviations."""
+    """Lines about a `calibration.Calibration`: every board, the overall error, the intrinsics and their
+    deviations."""
     from lanelib.evaluate import table
 
     rows = [["picture", "corners", "rms px", "used", "remark"]]
@@ -142,19 +148,63 @@ def video(args: argparse.Namespace, console: Console) -> int:
         )
     failed = 0
     taken: set[Path] = set()
+    outputs = [None if args.no_video else free_name(video_output(path, given), taken) for path in args.videos]
     with json_lines(args.json, sources=args.videos) as write_row:
-        for path in args.videos:  # one after the other; each is independent of the others but for write_row
-            try:
-                out = None if args.no_video else free_name(video_output(path, given), taken)
-                _one_video(path, out, args, write_row, console)
-            except LanelibError as error:
+        for rows, error in _videos(list(zip(args.videos, outputs, strict=True)), args, write_row, console):
+            for row in rows:
+                write_row(row)
+            if error is not None:
                 failed += 1
                 console.complain(error)
     console.wrote(args.json)
     return _outcome(failed, len(args.videos), "videos", console)
 
 
-def _one_video(path: Path, out: Path | None, args: argparse.Namespace, write_row, console: Console) -> None:
+def _videos(work: list[tuple[Path, Path | None]], args: argparse.Namespace, write_row, console: Console):
+    """(rows still to be written, error or None) of each video, in the order given.
+
+    With `--jobs` above 1 so many are worked on at a time, each in its thread with ffmpeg processes of its own;
+    what comes
+    out is the same, because nothing is shared: rows wait in a temporary file until it is their turn.
+    """
+    if args.jobs == 1 or len(work) == 1:
+        for path, out in work:
+            yield [], _tried(path, out, args, write_row, console, None)
+        return
+    stop = threading.Event()
+    with ExitStack() as stack:
+        pool = stack.enter_context(ThreadPoolExecutor(args.jobs))
+        stack.callback(stop.set)  # on Ctrl-C the others end, too, and leave nothing half-written
+        files = [stack.enter_context(tempfile.TemporaryFile("w+", encoding="utf-8")) for _ in work]
+        futures = []
+        for (path, out), file in zip(work, files, strict=True):
+            keep = partial(_keep_row, file) if args.json is not None else _drop_row
+            futures.append(pool.submit(_tried, path, out, args, keep, console, stop))
+        for future, file in zip(futures, files, strict=True):
+            error = future.result()
+            file.seek(0)
+            yield map(json.loads, file), error
+
+
+def _keep_row(file, row: dict) -> None:
+    file.write(json.dumps(row, allow_nan=False) + "\n")
+
+
+def _drop_row(row: dict) -> None:
+    pass
+
+
+def _tried(path, out, args, write_row, console, stop: threading.Event | None) -> LanelibError | None:
+    try:
+        _one_video(path, out, args, write_row, console, stop)
+    except LanelibError as error:
+        return error
+    return None
+
+
+def _one_video(
+    path: Path, out: Path | None, args: argparse.Namespace, write_row, console: Console, stop: threading.Event | None
+) -> None:
     info = rigs.probe(path)
     if args.rig is not None:
         rig = rigs.load_rig(args.rig)
@@ -165,7 +215,13 @@ def _one_video(path: Path, out: Path | None, args: argparse.Namespace, write_row
     rigs.check_fits(rig, info.size_wh, path)
     if out is not None:
         make_folder(out.parent)
-    with progress_bar(path.name, quiet=console.quiet) as bar:
+    with progress_bar(path.name, quiet=console.quiet or stop is not None) as bar:
+
+        def on_progress(done: int, expected: int) -> None:
+            if stop is not None and stop.is_set():
+                raise LanelibError(f"{path}: stopped, because the run was interrupted")
+            bar(done, expected)
+
         summary, tally = run_video(
             path,
             out,
@@ -176,7 +232,7 @@ def _one_video(path: Path, out: Path | None, args: argparse.Namespace, write_row
             end_s=args.end,
             preset=args.preset,
             write_row=write_row,
-            on_progress=bar,
+            on_progress=on_progress,
         )
     console.result(f"{summary}; {tally}")
     if summary.damage.truncated:

@@ -31,7 +31,7 @@ from lanelib.video import VideoWriter, read_frames
 
 SET = "rendered"  # the set that is shipped: rendered pictures whose truth is known exactly
 JPEG_QUALITY = 85  # of stored figures: a road picture 10 in wide takes about 60 kB, and nobody sees the difference
-SIMULATED = "simulated_v1"  # change it when the simulated drive changes: the old one is then made again
+SIMULATED = "simulated_v2"  # change it when the simulated drive changes: the old one is then made again
 SPEED_MPS, FPS = 25.0, 25.0  # 90 km/h at 25 frames a second: 1 m a frame
 
 
@@ -118,7 +118,7 @@ class Clip:
 
 
 def clip(name: str = "project_video.mp4") -> Clip:
-    """The shipped clip of that name; where there is none, 8 s of road by the simulator (made once, then kept)."""
+    """The shipped clip of that name; where there is none, 6 s of road by the simulator (made once, then kept)."""
     shipped = datasets.get(SET)
     rig = Rig.load(shipped.rig_file)
     paths = {path.name: path for path in shipped.videos()}
@@ -144,7 +144,7 @@ def _simulated(rig: Rig) -> Clip:
         folder.mkdir(parents=True, exist_ok=True)
         truth = []
         with VideoWriter(video, fps=FPS, preset="medium", crf=18) as writer:
-            for index, (frame, entry) in enumerate(simulate(rig, seconds=8)):
+            for index, (frame, entry) in enumerate(simulate(rig, seconds=6)):
                 writer.write(frame)
                 truth.append(entry | {"raw_file": f"simulated.mp4:{index:06}", "time_s": index / FPS})
         part = text.with_name(f"truth.json.{os.getpid()}.part")
@@ -155,7 +155,7 @@ def _simulated(rig: Rig) -> Clip:
 
 def simulate(rig: Rig, *, seconds: float, seed: int = 0) -> Iterator[tuple[np.ndarray, dict]]:
     """A drive with this rig, frame by frame with its truth: straight, a bend to the left of 600 m, shade, straight."""
-    road = Road([0, 40, 90, 160, 210, 400], [0, 0, 1 / 600, 1 / 600, 0, 0])
+    road = Road([0, 30, 70, 130, 170, 400], [0, 0, 1 / 600, 1 / 600, 0, 0])
     camera, mounting = rig.camera, rig.mounting
     for index in range(round(seconds * FPS)):
         s = index * SPEED_MPS / FPS
@@ -168,8 +168,8 @@ def simulate(rig: Rig, *, seconds: float, seed: int = 0) -> Iterator[tuple[np.nd
                 size_wh=camera.size_wh,
                 camera_matrix=tuple(map(tuple, camera.camera_matrix)),
                 distortion=tuple(camera.distortion),
-                shade_m=((150.0, 185.0),),
-                concrete_m=((95.0, 130.0),),
+                shade_m=((120.0, 150.0),),
+                concrete_m=((65.0, 95.0),),
                 seed=seed + index,
             )
         )

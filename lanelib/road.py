@@ -274,12 +274,13 @@ def frame_truth(road: Road, pose: CarPose, mounting: Mounting, camera_matrix: np
         points = line_in_car_axes(road, pose, marking.d_m, s)
         uv = project(points, mounting, camera_matrix, distortion)
         ok = np.isfinite(uv[:, 1])
-        uv, s = uv[ok], s[ok]
-        lowest = int(np.argmax(uv[:, 1])) if len(uv) else 0  # at the edge of what the lens shows a line may dip first
-        uv, s = uv[lowest:], s[lowest:]
+        if not ok.any():
+            raise LanelibError("needed a camera that sees the road, got one that sees none of it: check the mounting")
+        start = int(np.argmax(uv[ok, 1]))  # nearer than that the lens bends the rows back
+        uv, s_ok = uv[ok][start:], s[ok][start:]
         over = np.flatnonzero(np.diff(uv[:, 1]) >= 0)  # behind a crest the line comes down again: out of sight
         n = over[0] + 1 if len(over) else len(uv)
-        u, v, s_ok = uv[:n, 0][::-1], uv[:n, 1][::-1], s[:n][::-1]  # far to near: rows increase
+        u, v, s_ok = uv[:n, 0][::-1], uv[:n, 1][::-1], s_ok[:n][::-1]  # far to near: rows increase
         u_row = np.interp(rows, v, u, left=np.nan, right=np.nan)
         s_row = np.interp(rows, v, s_ok, left=np.nan, right=np.nan)
         seen = (u_row > -0.5) & (u_row < w - 0.5)

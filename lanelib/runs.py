@@ -13,6 +13,7 @@ from lanelib.errors import LanelibError
 from lanelib.finder import LaneFinder, LaneResult, Rig
 from lanelib.pictures import write_image
 from lanelib.pipeline import Summary, process_video
+from lanelib.video import probe
 
 VIEWS = ("overlay", "diagnostic", "birdseye")
 STATUSES = ("measured", "held", "none")
@@ -87,15 +88,26 @@ def run_video(
     """The lane followed through one video, drawn to `out` (None: nowhere); `write_row` gets a row of each frame, whose
     `raw_file` is `NAME.mp4:000123`, counted from the begin of the file."""
     finder, tally = LaneFinder(rig, recipe=recipe), Tally(path.name)
+    even = all(n % 2 == 0 for n in probe(path).size_wh)
+    planes = even and (view == "overlay" or out is None)  # as the file stores them: no colour conversion either way
 
     def step(frame: np.ndarray, index: int, time_s: float) -> np.ndarray | None:
-        result = finder.process(frame)
+        result = finder.process_yuv420(frame) if planes else finder.process(frame)
         tally.add(result)
         write_row(result.to_row(f"{path.name}:{index:06d}"))
-        return None if out is None else picture_of(view, frame, result, finder)
+        if out is None:
+            return None
+        return draw.overlay_yuv420(frame, result) if planes else picture_of(view, frame, result, finder)
 
     summary = process_video(
-        path, step, output=out, start_s=start_s, end_s=end_s, on_progress=on_progress, preset=preset
+        path,
+        step,
+        output=out,
+        start_s=start_s,
+        end_s=end_s,
+        on_progress=on_progress,
+        preset=preset,
+        pixel_format="yuv420p" if planes else "bgr24",
     )
     if not summary.frames_in:
         raise LanelibError(f"{path}: needed frames from {start_s:g} s on, found none; choose another section")

@@ -59,20 +59,27 @@ def shoot(world, pose: CarPose, *, spp=24, seed=0, shrink=1, raw_file="", tags=(
     end: pose and mounting at the end of the exposure. keep: a file for the light before it is developed (float16), so
     that the camera's settings can be tuned with `redevelop` without tracing again.
     """
-    scene, lens = world.scene, true_lens()
+    scene = world.scene
     mounting = mounting or mounting_of(scene)
     loaded = world.load(pose, time_s=time_s, mounting=mounting)
     m = pose.world_from_car(world.road)
     light, depth = light_of(loaded, camera_pose(m, mounting), spp=spp, seed=seed, shrink=shrink, max_depth=max_depth,
                             end_pose=None if end is None else camera_pose(end[0].world_from_car(world.road), end[1]))
-    left, right = lane_of(scene)
-    truth = frame_truth(world.road, pose, mounting, lens.camera_matrix, lens.distortion, lens.size_wh, left, right,
-                        raw_file=raw_file, tags=tags, h_samples=H_SAMPLES, hidden=hidden_test(loaded, m, mounting))
+    truth = truth_of(world, pose, mounting, loaded, raw_file, tags)
     dr.flush_malloc_cache()
     if keep is not None:
         keep.parent.mkdir(parents=True, exist_ok=True)
         np.savez(keep, light=np.minimum(light, 6e4).astype(np.float16), depth=depth.astype(np.float16))
     return redevelop(light, depth, scene, seed), truth
+
+
+def truth_of(world, pose, mounting=None, loaded=None, raw_file="", tags=()):
+    """The truth of a moment; visibility is found by rays through the loaded scene."""
+    lens, (left, right) = true_lens(), lane_of(world.scene)
+    mounting, loaded = mounting or mounting_of(world.scene), loaded or world.load(pose)
+    hidden = hidden_test(loaded, pose.world_from_car(world.road), mounting)
+    return frame_truth(world.road, pose, mounting, lens.camera_matrix, lens.distortion, lens.size_wh, left, right,
+                       raw_file=raw_file, tags=tags, h_samples=H_SAMPLES, hidden=hidden)
 
 
 def redevelop(light, depth, scene, seed):

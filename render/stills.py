@@ -1,6 +1,5 @@
 """The stills: read the descriptions, build each world, shoot it, write picture and truth."""
 
-import json
 import time
 import tomllib
 
@@ -8,9 +7,9 @@ import numpy as np
 
 from lanelib.road import CarPose
 
-from .files import is_current, remember, scene_key, update_truth, write_jpeg, write_json
+from .files import is_current, remember, scene_key, update_truth, write_jpeg
 from .lens import HERE, ROOT, true_lens
-from .shoot import redevelop, shoot
+from .shoot import redevelop, shoot, truth_of
 from .world import World
 
 FOLDER = ROOT / "test_images" / "rendered"
@@ -50,15 +49,14 @@ def render_stills(names=None, *, spp=24, force=False, shrink=1, folder=FOLDER):
         start, cpu = time.time(), time.process_time()
         traced = {k: v for k, v in scene.items() if k not in ("camera", "air", "tags", "quality")}
         kept = LIGHT / f"{stem}-{scene_key('light', LOOK, traced, true_lens().to_dict(), samples, shrink)}.npz"
-        if kept.exists() and kept.with_suffix(".json").exists() and not force:
+        pose = CarPose(0.0, scene["pose"]["d"], scene["pose"]["heading"])
+        if kept.exists() and not force:
             with np.load(kept) as z:
                 frame = redevelop(z["light"], z["depth"], scene, seed)
-            truth = json.loads(kept.with_suffix(".json").read_text()) | {"tags": scene["tags"]}
+            truth = truth_of(World(scene), pose, raw_file=name, tags=scene["tags"])
         else:
-            pose = CarPose(0.0, scene["pose"]["d"], scene["pose"]["heading"])
             frame, truth = shoot(World(scene), pose, spp=samples, seed=seed, shrink=shrink, raw_file=name, tags=scene["tags"],
                                  max_depth=6, keep=kept)
-            write_json(kept.with_suffix(".json"), truth)
         write_jpeg(folder / name, frame, scene.get("quality", 92))
         update_truth(folder / "truth.json", "frames", truth, order)
         if shrink == 1 and folder == FOLDER:

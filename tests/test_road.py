@@ -153,6 +153,14 @@ def test_truth_of_a_frame_is_consistent_with_opencv():
     assert truth["radius_m"] == pytest.approx(1 / abs(truth["curvature_1pm"]), rel=1e-4)
 
 
+def test_a_lens_that_bends_near_rows_back_keeps_its_lines():
+    """With this lens the road below the frame lies beyond the largest row that it can show."""
+    k, d = np.array([[1155.0, 0, 665.3], [0, 1152, 386.7], [0, 0, 1]]), np.array([-0.242, -0.030, -0.0008, 0.0003, 0])
+    truth = frame_truth(Road([0], [0.0]), CarPose(), Mounting(1.25, -1.45), k, d, SIZE, LEFT, RIGHT)
+    rows, x = np.array(truth["h_samples"]), np.array(truth["lanes"][0])
+    assert (x[(rows >= 430) & (rows <= 680)] != -2).all() and (np.diff(x[(rows >= 430) & (rows <= 680)]) < 0).all()
+
+
 def test_left_curves_left_and_offsets_have_the_sign_of_the_contract():
     left_bend = frame_truth(Road([0], [1 / 200]), CarPose(d_m=0.4), Mounting(pitch_deg=1), K, DIST, SIZE, LEFT, RIGHT)
     straight = frame_truth(Road([0], [0.0]), CarPose(d_m=0.4), Mounting(pitch_deg=1), K, DIST, SIZE, LEFT, RIGHT)

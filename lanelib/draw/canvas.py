@@ -61,7 +61,8 @@ class Canvas:
     def of_yuv420(cls, frame: np.ndarray) -> Canvas:
         """A frame (H * 3 / 2, W) uint8, planar Y, U, V ("yuv420p", "I420"), H and W even."""
         fits = isinstance(frame, np.ndarray) and frame.dtype == np.uint8 and frame.ndim == 2 and frame.size > 0
-        if not (fits and frame.flags.c_contiguous and frame.flags.writeable) or frame.shape[0] % 3 or frame.shape[1] % 2:
+        fits = fits and frame.flags.c_contiguous and frame.flags.writeable
+        if not fits or frame.shape[0] % 3 or frame.shape[1] % 2:
             raise LanelibError(
                 f"a YUV420p frame (H*3/2, W) of uint8 in one piece is needed, found {_found(frame)}; H and W are even"
             )
