@@ -164,8 +164,7 @@ def _videos(work: list[tuple[Path, Path | None]], args: argparse.Namespace, writ
     """(rows still to be written, error or None) of each video, in the order given.
 
     With `--jobs` above 1 so many are worked on at a time, each in its thread with ffmpeg processes of its own;
-    what comes
-    out is the same, because nothing is shared: rows wait in a temporary file until it is their turn.
+    what comes out is the same, because nothing is shared: rows wait in a temporary file until it is their turn.
     """
     if args.jobs == 1 or len(work) == 1:
         for path, out in work:

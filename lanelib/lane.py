@@ -74,6 +74,14 @@ class Line:
         """Signed curvature in 1/m, positive to the left."""
         return -horner(self._derivatives[2], y_m) / (1 + self.slope(y_m) ** 2) ** 1.5
 
+    def x_continued(self, y_m, known_to_m: float):
+        """x(y), continued beyond ``known_to_m`` with the slope and bend it has there: no change of bend is invented."""
+        y = np.asarray(y_m, float)
+        known = np.minimum(y, known_to_m)
+        more = y - known
+        bend = horner(self._derivatives[2], known_to_m)
+        return self.x(known) + more * (self.slope(known_to_m) + more * bend / 2)
+
     def radius_m(self, y_m=0.0) -> float:
         """Radius of curvature in metres, ``inf`` where straight."""
         return radius_of(float(self.curvature_1pm(y_m)))
@@ -188,10 +196,13 @@ class Surface:
     pitch_rad: float = 0.0
     bend_1pm: float = 0.0
 
-    def flat_from_road(self, points_m: np.ndarray) -> np.ndarray:
-        """Points (N, 2) of the real road to where they appear on the rig's flat plane; NaN beyond its horizon."""
+    def flat_from_road(self, points_m: np.ndarray, *, known_to_m: float = math.inf) -> np.ndarray:
+        """Points (N, 2) of the real road to where they appear on the rig's flat plane; NaN beyond its horizon.
+
+        Beyond ``known_to_m`` the hill is not continued: the sight line keeps the slope it has there.
+        """
         x, y = np.asarray(points_m, float).reshape(-1, 2).T
-        inverse = 1 / y - (self.pitch_rad + 0.5 * self.bend_1pm * y) / self.height_m
+        inverse = 1 / y - (self.pitch_rad + 0.5 * self.bend_1pm * np.minimum(y, known_to_m)) / self.height_m
         y0 = 1 / np.where(inverse > 1e-4, inverse, np.nan)
         return np.column_stack([x / y * y0, y0])
 

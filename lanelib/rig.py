@@ -27,9 +27,9 @@ from lanelib.paint import PaintPoints, paint_points
 RIG_FORMAT = "lanelib-rig/1"
 SCAN_COLUMN_M, SCAN_REACH_M, SCAN_ROWS = 0.05, 9.6, 136  # chosen by accuracy against truth: see notebook 07
 FAR_ROW_M = 10.0  # the farthest scan row is where one pixel of a 1280-wide frame covers 10 m of road
-FARTHEST_M = 160.0  # beyond, a pixel row of a 1280-wide frame covers more than 15 m of road
-# lines are reported to twice the distance of the last paint: half the way that is left to the horizon in the picture
-EXTEND = 2.0
+# Lines are reported to 2.5 times the distance of the last paint, three fifths of the way that is left to the horizon in the
+# picture, and no farther than 250 m: beyond, a pixel row of a 1280-wide frame covers 40 m of road.
+EXTEND, FARTHEST_M = 2.5, 250.0
 
 
 @dataclass(frozen=True)
@@ -203,8 +203,9 @@ class View:
         """Both lines in pixels of the frame as given, from the lower edge to where the lane is known."""
         near, far = 0.8 * self.rig.near_m, min(EXTEND * lane.y_range_m[1], FARTHEST_M)
         y = 1 / np.linspace(1 / near, 1 / max(far, 2 * near), count)
-        points = np.column_stack([np.concatenate([lane.left.x(y), lane.right.x(y)]), np.tile(y, 2)])
-        flat = lane.surface.flat_from_road(points)
+        known = lane.y_range_m[1]
+        x = [line.x_continued(y, known) for line in (lane.left, lane.right)]
+        flat = lane.surface.flat_from_road(np.column_stack([np.concatenate(x), np.tile(y, 2)]), known_to_m=known)
         pixels = self.rig.camera.distort_points(self.rig.birdseye.points_from_road(flat))
         seen = np.isfinite(pixels[:, 1])
         return pixels[:count][seen[:count]], pixels[count:][seen[count:]]

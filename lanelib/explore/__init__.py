@@ -12,10 +12,32 @@ Each returns a widget (`Explorer`) whose callback calls a plain function (`thres
 the picture and the numbers, made by the same functions of lanelib as in the text.
 """
 
+from lanelib.explore.corners import warp, warp_look
+from lanelib.explore.detection import detect, detect_look
 from lanelib.explore.kit import Explorer
 from lanelib.explore.look import Look, Reading
 from lanelib.explore.masks import threshold, threshold_look
 from lanelib.explore.painttruth import PaintTruth, paint_truth
+from lanelib.explore.roads import scene_of, simulated_rig, simulator, simulator_look
 from lanelib.explore.steps import Step, combined, recipe_code
 
-__all__ = ["Explorer", "Look", "PaintTruth", "Reading", "Step", "combined", "paint_truth", "recipe_code", "threshold", "threshold_look"]
+__all__ = [
+    "Explorer",
+    "Look",
+    "PaintTruth",
+    "Reading",
+    "Step",
+    "combined",
+    "detect",
+    "detect_look",
+    "paint_truth",
+    "recipe_code",
+    "scene_of",
+    "simulated_rig",
+    "simulator",
+    "simulator_look",
+    "threshold",
+    "threshold_look",
+    "warp",
+    "warp_look",
+]

@@ -18,7 +18,7 @@ from lanelib.explore.look import WIDTH_PX, Look, Reading
 from lanelib.explore.painttruth import PaintTruth, coloured, paint_truth
 from lanelib.explore.steps import GRADIENTS, SOURCES, STARTS, WAYS, Step, combined, domain, recipe_code
 
-PANEL_WH = (462, 260)  # of each of the two pictures
+PANEL_WIDTH = 462  # of each of the two pictures, px
 BINS = 256
 
 
@@ -40,12 +40,13 @@ def threshold_look(
     whole = combined([in_range(values_of(s.of), *s.limits()) for s in steps], [s.way for s in steps])
     shown = whole if show_recipe else mask
     low, high, _ = domain(step.source)
-    small = cv2.resize(frame_bgr, PANEL_WH, interpolation=cv2.INTER_AREA)
-    grey = cv2.resize(values, PANEL_WH, interpolation=cv2.INTER_AREA).astype(np.float32)
+    panel_wh = (PANEL_WIDTH, round(PANEL_WIDTH * frame_bgr.shape[0] / frame_bgr.shape[1]))
+    small = cv2.resize(frame_bgr, panel_wh, interpolation=cv2.INTER_AREA)
+    grey = cv2.resize(values, panel_wh, interpolation=cv2.INTER_AREA).astype(np.float32)
     grey = np.clip((grey - low) * (255 / (high - low)), 0, 255).astype(np.uint8)
     what = "recipe so far" if show_recipe else "mask of this step"
     colours = ": hits green, missed blue, false alarms vermillion" if truth is not None else ""
-    top = side_by_side([grey, coloured(shown, truth, small)], [step.source, what + colours], height=PANEL_WH[1], cap_px=10)
+    top = side_by_side([grey, coloured(shown, truth, small)], [step.source, what + colours], height=panel_wh[1], cap_px=10)
     top = cv2.copyMakeBorder(top, 0, 0, 0, WIDTH_PX - top.shape[1], cv2.BORDER_REPLICATE)
     chart = histogram_chart(
         _counts(values, low, high), (low, high), (step.low, step.high), (WIDTH_PX, 150),
