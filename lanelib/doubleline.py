@@ -16,6 +16,7 @@ from lanelib.jointfit import JointFit, distance, line_x
 SINGLE_LINE_M = 0.12  # one painted line; the middle of the inner one lies half of it within the stripe's edge
 # stripes of this width are two lines; a worn single one comes out up to 0.23 m
 DOUBLE_FROM_M, DOUBLE_TO_M = 0.25, 0.55
+CLEAR = 0.2  # rows with at least this much paint on the line are looked at: of worn lines, too
 REACH_M, FAR_M, MOST_ROWS = 0.6, 25.0, 40  # beyond 25 m the gap is finer than the pixels
 OFFSETS_M = np.arange(-24, 25) * (REACH_M / 24)
 GAP = 5  # samples, 12.5 cm: the dark gap between the two lines may fall below half height
@@ -50,7 +51,7 @@ def inward(fit: JointFit, picture: np.ndarray, grid: Grid) -> tuple[float, float
     y = distance(1 / grid.y_m, fit.mean, fit.height_m)
     shifts = []
     for side, support in zip((-1, 1), fit.support, strict=True):
-        rows = np.flatnonzero((support > 0.4) & (y < FAR_M))
+        rows = np.flatnonzero((support > CLEAR) & (y < FAR_M))
         rows = rows[:: len(rows) // MOST_ROWS + 1]
         if len(rows) < 8:
             shifts.append(0.0)

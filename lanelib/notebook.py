@@ -1,6 +1,7 @@
 """What every notebook of the course needs and no program: the set-up check, a clip, a video in the page, computed text.
 
     notebook.start()            first cell: checks what is needed, says what to run where it is missing
+    notebook.road("test5.jpg")  a road picture of the shipped set, and its truth
     notebook.clip()             a short drive with its truth: the shipped one, else one made by the simulator
     notebook.play(frames)       frames as a video in the notebook
     notebook.say(f"… {x:.2f}")  a sentence with computed numbers, as text of the page
@@ -24,6 +25,7 @@ import numpy as np
 from lanelib import datasets
 from lanelib.errors import LanelibError
 from lanelib.finder import Rig
+from lanelib.pictures import read_image
 from lanelib.road import CarPose, Mounting, Road
 from lanelib.simulator import Scene, render_road
 from lanelib.truth import FORMAT
@@ -31,7 +33,7 @@ from lanelib.video import VideoWriter, read_frames
 
 SET = "rendered"  # the set that is shipped: rendered pictures whose truth is known exactly
 JPEG_QUALITY = 85  # of stored figures: a road picture 10 in wide takes about 60 kB, and nobody sees the difference
-SIMULATED = "simulated_v2"  # change it when the simulated drive changes: the old one is then made again
+SIMULATED = "simulated_v3"  # change it when the simulated drive changes: the old one is then made again
 SPEED_MPS, FPS = 25.0, 25.0  # 90 km/h at 25 frames a second: 1 m a frame
 
 
@@ -91,6 +93,16 @@ def say(text: str) -> Text:
     return Text(text)
 
 
+def road(name: str) -> tuple[np.ndarray, dict]:
+    """A road picture of the shipped set by its name: (frame (H, W, 3) uint8 BGR, its frame of the truth file)."""
+    shipped = datasets.get(SET)
+    truth = shipped.image_truth()
+    if name not in truth:
+        there = ", ".join(truth)
+        raise LanelibError(f"a picture of the set {shipped.name} is needed, found {name!r}; there: {there}")
+    return read_image(shipped.test_images / name), truth[name]
+
+
 @dataclass(frozen=True)
 class Clip:
     """A drive: the video's file, the rig it was taken with, and the truth of each frame in order."""
@@ -137,20 +149,25 @@ def _fps(truth: list[dict]) -> float:
 
 
 def _simulated(rig: Rig) -> Clip:
-    folder = _cache() / SIMULATED
-    video, text = folder / "simulated.mp4", folder / "truth.json"
-    rig = rig.scaled((640, 360))
-    if not (video.exists() and text.exists()):
+    folder, rig = _cache() / SIMULATED, rig.scaled((640, 360))
+    if not (folder / "truth.json").exists():
         folder.mkdir(parents=True, exist_ok=True)
-        truth = []
-        with VideoWriter(video, fps=FPS, preset="medium", crf=18) as writer:
-            for index, (frame, entry) in enumerate(simulate(rig, seconds=6)):
-                writer.write(frame)
-                truth.append(entry | {"raw_file": f"simulated.mp4:{index:06}", "time_s": index / FPS})
-        part = text.with_name(f"truth.json.{os.getpid()}.part")
-        part.write_text(json.dumps({"format": FORMAT, "camera": rig.camera.to_dict(), "frames": truth}))
-        os.replace(part, text)
-    return Clip(video, rig, json.loads(text.read_text())["frames"], FPS)
+        with tempfile.TemporaryDirectory(dir=folder) as own:  # several notebooks may do this at a time
+            _make_simulated(rig, Path(own))
+            for name in ("simulated.mp4", "truth.json"):
+                os.replace(Path(own) / name, folder / name)
+    truth = json.loads((folder / "truth.json").read_text())["frames"]
+    return Clip(folder / "simulated.mp4", rig, truth, FPS)
+
+
+def _make_simulated(rig: Rig, folder: Path) -> None:
+    truth = []
+    with VideoWriter(folder / "simulated.mp4", fps=FPS, preset="medium", crf=18) as writer:
+        for index, (frame, entry) in enumerate(simulate(rig, seconds=6)):
+            writer.write(frame)
+            truth.append(entry | {"raw_file": f"simulated.mp4:{index:06}", "time_s": index / FPS})
+    text = json.dumps({"format": FORMAT, "camera": rig.camera.to_dict(), "frames": truth})
+    (folder / "truth.json").write_text(text)
 
 
 def simulate(rig: Rig, *, seconds: float, seed: int = 0) -> Iterator[tuple[np.ndarray, dict]]:

@@ -10,9 +10,9 @@ LEAVES = {"type": "principledthin", "base_color": {"type": "mesh_attribute", "na
           "roughness": 0.55, "diff_trans": 1.0, "eta": 1.3}  # light shines through: without it leaves are black
 # height, leaf length, number of leaves, colour, trunk share, branch angle, spread of leaves about their twig, droop
 SPECIES = {
-    "oak": dict(h=9.0, leaf=0.085, n=260000, color=(0.130, 0.148, 0.056), angle=(0.42, 0.95), spread=0.060, droop=0.0, trunk=0.17),
-    "gum": dict(h=17.0, leaf=0.12, n=330000, color=(0.155, 0.162, 0.084), angle=(0.28, 0.62), spread=0.040, droop=0.5, trunk=0.24),
-    "bare": dict(h=10.0, leaf=0.09, n=45000, color=(0.170, 0.145, 0.078), angle=(0.36, 0.80), spread=0.050, droop=0.1, trunk=0.20),
+    "oak": dict(h=9.0, leaf=0.085, n=260000, color=(0.130, 0.148, 0.056), angle=(0.42, 0.95), spread=0.027, droop=0.0, trunk=0.17),
+    "gum": dict(h=17.0, leaf=0.12, n=330000, color=(0.155, 0.162, 0.084), angle=(0.28, 0.62), spread=0.022, droop=0.5, trunk=0.24),
+    "bare": dict(h=10.0, leaf=0.09, n=45000, color=(0.170, 0.145, 0.078), angle=(0.36, 0.80), spread=0.018, droop=0.1, trunk=0.20),
     "pine": dict(h=14.0, leaf=0.11, n=190000, color=(0.060, 0.080, 0.040), angle=None, spread=0.03, droop=0.1, trunk=0.1),
     "bush": dict(h=2.4, leaf=0.06, n=42000, color=(0.105, 0.115, 0.050), angle=None, spread=0.0, droop=0.0, trunk=0.0),
 }
@@ -51,7 +51,7 @@ def tree(species: str, variant: int, level: int):
                 if depth >= 2:
                     tips.append(p)
             if depth < 5:
-                for _ in range(3 if depth < 4 else 2):
+                for _ in range(3):
                     side = rng.normal(0, 1, 3)
                     side -= side @ direction * direction
                     side /= np.linalg.norm(side)
@@ -61,7 +61,7 @@ def tree(species: str, variant: int, level: int):
         grow(np.array([0, 0, -0.2]), np.array([rng.normal(0, 0.06), rng.normal(0, 0.06), 1.0]), h * sp["trunk"], h * 0.026, 0)
     tips = np.array(tips)
     scale = h / max(tips[:, 2].max(), 1e-3)
-    drop = np.array([0, 0, -0.10 * h * (species in ("oak", "gum"))])  # crowns hang lower than their twigs
+    drop = np.array([0, 0, -0.05 * h * (species in ("oak", "gum"))])  # crowns hang lower than their twigs
     bark_points, bark_faces = _tubes(segments, 5 if level < 2 else 3, 0.0022 * level**2)
     # leaves come in clumps about the twigs, denser about some than about others: that makes gaps in the crown
     weight = rng.gamma(1.2 if species in ("gum", "bare") else 2.0, 1.0, len(tips))

@@ -17,7 +17,6 @@ from lanelib.vanishing import (
     height_prior,
     picture_points,
     slope_peaks,
-    vote_grid,
 )
 
 SIZE_WH = (800, 450)
@@ -86,10 +85,9 @@ def test_picture_points_lie_on_the_paint():
 def test_first_candidate_is_the_road(focal_px, mounting):
     a_scene = scene(focal_px=focal_px, mounting=mounting, others=(), pose=CarPose(5, 0.2), right=Marking(1.83))
     (vanishing, height_m), *_ = candidates([render_road(a_scene)[0]])
-    columns, rows = vote_grid(SIZE_WH)
-    step = np.array([columns[1] - columns[0], rows[1] - rows[0]])
-    assert (np.abs(np.array(vanishing) - vanishing_of(a_scene)) <= 1.5 * step).all()
-    assert height_m == pytest.approx(mounting.height_m * USUAL_WIDTH_M / 3.66, rel=0.06)
+    # within the 0.7 degrees of pitch that the joint fit takes for a nod, and corrects
+    assert np.abs(np.array(vanishing) - vanishing_of(a_scene)).max() < focal_px * np.deg2rad(0.7)
+    assert height_m == pytest.approx(mounting.height_m * USUAL_WIDTH_M / 3.66, rel=0.1)  # two slope bins
 
 
 def test_many_frames_vote_together():

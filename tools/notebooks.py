@@ -68,7 +68,6 @@ def run(notebook, folder: Path, name: str):
         store_widget_state=False,
         resources={"metadata": {"path": str(folder)}},
     )
-    client.create_kernel_manager().transport = "ipc"  # over files of this user instead of open ports
     try:
         return client.execute()
     except CellExecutionError as error:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from lanelib.exercises.judges import function, never_raises, number
 
 
@@ -9,5 +11,29 @@ from lanelib.exercises.judges import function, never_raises, number
 def check_offset_of(answer):
     """Where the car is in its lane, from x of both lines at the car; metres, positive to the right of the centre."""
     cases = [((-1.75, 1.95), -0.10), ((-2.05, 1.60), 0.225), ((-1.85, 1.85), 0.0)]
-    sign = "right of the centre is positive, and then both lines lie farther to the left"
+    sign = "a car right of the centre has both lines farther to its left, so their mean is negative"
     return function(answer, cases, number, unit="m", tolerance=1e-6, sign=sign)
+
+
+@never_raises
+def check_sideways_m(answer):
+    """How far a bend leads aside after some distance; the parabola's and the circle's formula both pass."""
+    cases = [((600.0, 30.0), 0.75), ((1000.0, 30.0), 0.45), ((250.0, 20.0), 0.8)]
+    return function(answer, cases, number, unit="m", rel=0.005)
+
+
+@never_raises
+def check_seconds_to_line(answer):
+    """When a car that drifts reaches the line."""
+    cases = [
+        ((0.9, 1.0, 100.0), 0.9 / (math.sin(math.radians(1.0)) * 100 / 3.6)),
+        ((0.5, 2.0, 50.0), 0.5 / (math.sin(math.radians(2.0)) * 50 / 3.6)),
+    ]
+    first = cases[0][0]
+    mistakes = {
+        "the sine wants radians: math.radians(degrees)": first[0] / (math.sin(first[1]) * first[2] / 3.6),
+        "the speed is in km/h; divide it by 3.6 for m/s": first[0] / (math.sin(math.radians(first[1])) * first[2]),
+        "degrees where radians are wanted, and km/h where m/s is": first[0] / (math.sin(first[1]) * first[2]),
+        "this is the time along the road; what counts is the part of the speed across it": first[0] / (first[2] / 3.6),
+    }
+    return function(answer, cases, number, unit="s", rel=0.01, mistakes=mistakes)

@@ -12,30 +12,47 @@ Each returns a widget (`Explorer`) whose callback calls a plain function (`thres
 the picture and the numbers, made by the same functions of lanelib as in the text.
 """
 
+from lanelib.explore.chessboards import board_look, boards
 from lanelib.explore.corners import warp, warp_look
-from lanelib.explore.detection import detect, detect_look
+from lanelib.explore.detection import Frame, detect, detect_look
 from lanelib.explore.kit import Explorer
+from lanelib.explore.lens import distortion, distortion_look
 from lanelib.explore.look import Look, Reading
 from lanelib.explore.masks import threshold, threshold_look
 from lanelib.explore.painttruth import PaintTruth, paint_truth
 from lanelib.explore.roads import scene_of, simulated_rig, simulator, simulator_look
+from lanelib.explore.scrubber import Clip, look_through, scrub, scrub_clip, scrub_look
+from lanelib.explore.smoothers import smoothed, smoothing, smoothing_look
 from lanelib.explore.steps import Step, combined, recipe_code
 
 __all__ = [
+    "Clip",
     "Explorer",
+    "Frame",
     "Look",
     "PaintTruth",
     "Reading",
     "Step",
+    "board_look",
+    "boards",
     "combined",
     "detect",
     "detect_look",
+    "distortion",
+    "distortion_look",
+    "look_through",
     "paint_truth",
     "recipe_code",
     "scene_of",
+    "scrub",
+    "scrub_clip",
+    "scrub_look",
     "simulated_rig",
     "simulator",
     "simulator_look",
+    "smoothed",
+    "smoothing",
+    "smoothing_look",
     "threshold",
     "threshold_look",
     "warp",

@@ -80,7 +80,7 @@ def line_chart(
         known = np.isfinite(on).all(axis=1)
         if curve.points:
             for u, v in on[known]:
-                out[max(round(v) - 1, 0) : round(v) + 1, max(round(u) - 1, 0) : round(u) + 1] = bgr(curve.colour)
+                out[max(round(v) - 1, 0) : round(v) + 2, max(round(u) - 1, 0) : round(u) + 2] = bgr(curve.colour)
             continue
         for run in np.split(np.arange(len(on)), np.flatnonzero(np.diff(known)) + 1):
             if len(run) > 1 and known[run[0]]:

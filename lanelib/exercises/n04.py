@@ -1,0 +1,137 @@
+"""Checkers of notebook 04."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lanelib.exercises.judges import array, first_failed, function, never_raises, not_yet, number
+
+
+def _sums(width: int, **stripes: float) -> np.ndarray:
+    """A column histogram with a stripe (five columns wide) at each column of ``stripes``, c120=80 for 80 at 120."""
+    sums = np.zeros(width)
+    for column, height in stripes.items():
+        at = int(column[1:])
+        sums[at - 2 : at + 3] += height * np.array([0.4, 0.8, 1.0, 0.8, 0.4])
+    return sums
+
+
+@never_raises
+def check_start_columns(answer):
+    """Columns of the highest peak left and right of ``centre``, from a column histogram (W,)."""
+    cases = [
+        ((_sums(480, c150=200, c310=90), 240), [150, 310]),
+        ((_sums(480, c60=300, c150=200, c420=70, c330=90), 240), [60, 330]),
+        ((_sums(300, c40=50, c130=400, c260=60), 100), [40, 130]),  # the middle of the road is not that of the picture
+    ]
+    verdict = function(answer, cases, array, rel=0.0, tolerance=3.0, columns="left, right")
+    if not verdict and callable(answer):
+        try:
+            got = np.asarray(answer(*cases[0][0]), float).ravel()
+        except Exception:
+            return verdict
+        if len(got) == 2 and abs(got[1] - (310 - 240)) <= 3:
+            return not_yet("the right column is counted from `centre`; add it: argmax of a slice begins at 0 again")
+    return verdict
+
+
+@never_raises
+def check_bend_in_metres(answer):
+    """A of x = A y² + B y + C in metres from a of u = a v² + b v + c in pixels; sx, sy metres a column and a row."""
+    verdict = None
+    for a, sx, sy in ((2e-4, 0.025, 0.053), (-7.5e-5, 3.7 / 700, 30 / 720), (1e-3, 0.01, 0.04)):
+        mistakes = {
+            "x is in columns and y in rows: is each multiplied by its own scale?": a * sy / sx**2,
+            "the right power of the rows' scale? y is squared, so its scale is, too": a * sx / sy,
+            "y = (v0 - v) sy, so v = v0 - y / sy: divide by the rows' scale, do not multiply": a * sx * sy**2,
+            "the columns' scale is missing": a / sy**2,
+            "this is the inverse: from metres to pixels": a * sy**2 / sx,
+            "still in pixels": a,
+        }
+        verdict = function(answer, [((a, sx, sy), a * sx / sy**2)], number, unit="1/m", rel=1e-3, mistakes=mistakes)
+        if not verdict:
+            return verdict
+    return verdict
+
+
+def _curvature(line) -> float:
+    a, b, _ = line
+    return -2 * a / (1 + b * b) ** 1.5
+
+
+@never_raises
+def check_curvature_of_lane(answer):
+    """Signed curvature of the lane at the car from (A, B, C) of both lines, 1/m, positive to the left."""
+    verdict = None
+    pairs = [
+        ((-1.1e-3, 0.0, -1.9), (-1.0e-3, 0.0, 1.7)),
+        ((-9e-4, 0.01, -1.9), (-6e-5, -0.01, 1.7)),  # one line nearly straight: radii must not be averaged
+        ((2e-3, 0.5, -1.9), (2.2e-3, 0.5, 1.7)),  # the car stands across: the slope matters
+    ]
+    for left, right in pairs:
+        one, other = _curvature(left), _curvature(right)
+        true = (one + other) / 2
+        radius = (1 / abs(one) + 1 / abs(other)) / 2
+        mistakes = {
+            "these are radii averaged; one nearly straight line then rules. Average the curvatures": np.sign(true) / radius,
+            "this is a radius in metres; the curvature is asked for": 1 / true,
+            "the slope is missing: divide by (1 + B²)^(3/2)": -(left[0] + right[0]),
+            "half of it: the second derivative of A y² is 2 A": true / 2,
+            "the sum of both lines; take their mean": 2 * true,
+        }
+        verdict = function(answer, [((left, right), true)], number, unit="1/m", rel=0.005, mistakes=mistakes,
+                           sign="positive to the left, and x'' < 0 bends to the left")  # fmt: skip
+        if not verdict:
+            return verdict
+    return verdict
+
+
+@never_raises
+def check_fit_shared(answer):
+    """(centre, heading, bend, width) of x = centre ∓ width / 2 + heading y + bend y², from points of both lines."""
+
+    def points(side, y, centre, heading, bend, width):
+        y = np.asarray(y, float)
+        return np.column_stack([centre + side * width / 2 + heading * y + bend * y * y, y])
+
+    cases = []
+    for numbers, left_y, right_y in (
+        ((0.2, -0.01, -1e-3, 3.6), np.linspace(4, 38, 40), np.linspace(5, 30, 25)),
+        ((-0.3, 0.02, 2e-3, 3.3), np.linspace(4, 30, 30), [14.0, 15.5, 17.0]),  # one dash on the right
+        ((0.0, 0.0, 1.5e-3, 4.0), [9.0, 10.0, 11.0], np.linspace(4, 30, 30)),
+    ):
+        cases.append(((points(-1, left_y, *numbers), points(1, right_y, *numbers)), np.array(numbers)))
+    wrong_centre = [(given, expected - np.array([expected[3] / 2, 0, 0, 0])) for given, expected in cases]
+    verdict = function(answer, cases, array, rel=1e-3, tolerance=1e-6)
+    if not verdict and function(answer, wrong_centre, array, rel=1e-3, tolerance=1e-6):
+        return not_yet("the first number is the left line at the car; the lane's centre is half a width further right")
+    return verdict
+
+
+@never_raises
+def check_offset_and_width(answer):
+    """(offset, width) in metres at the car from (A, B, C) of both lines; the width across the lane."""
+    cases = [
+        (((1e-3, 0.0, -1.6), (1e-3, 0.0, 2.0)), [-0.2, 3.6]),
+        (((0.0, 0.3, -2.3), (0.0, 0.3, 1.6)), [0.35, 3.9 / np.sqrt(1.09)]),
+    ]
+    verdict = function(answer, cases, array, rel=2e-3, tolerance=1e-3, sign="right of the centre is positive")
+    if verdict or not callable(answer):
+        return verdict
+
+    def variant(offset_sign, across):
+        out = []
+        for (left, right), _ in cases:
+            scale = np.sqrt(1 + left[1] ** 2) if across else 1.0
+            out.append((-offset_sign * (left[2] + right[2]) / 2, (right[2] - left[2]) / scale))
+        return out
+
+    for hint, wrong in (
+        ("measured along x; across a lane that leads away obliquely it is less: divide by √(1 + B²)", variant(1, False)),
+        ("the offset's sign is reversed: right of the centre is positive, and then both lines lie farther left",
+         variant(-1, True)),
+    ):
+        renamed = [(given, list(values)) for (given, _), values in zip(cases, wrong, strict=True)]
+        if function(answer, renamed, array, rel=2e-3, tolerance=1e-3):
+            return not_yet(hint)
+    return first_failed(verdict)
