@@ -34,7 +34,7 @@ LANE_WIDTH_M = 3.7  # 12 ft, US motorways (AASHTO Green Book)
 HFOV_DEG = 60.0
 STRAIGHT_1PM = 1 / 1500  # the lane leaves a straight line by 0.3 m in 30 m
 CURVED_1PM = 1 / 150  # beyond, heading at the car and the bend trade places in the fit
-BOTH_LINES_ROWS = 6.0  # rows of paint on the weaker line, of 136: a dash near the car has 15, a speck 3
+BOTH_LINES_ROWS = 5.0  # rows of paint on the weaker line, of 112: a dash near the car has 12, a speck 3
 # of a rig for one frame (see ``tried``): faint dots on concrete have 0.3, pictures upside down seldom more. For n
 # frames less by n^(1/4): frames without a road do not agree on a rig (they reach 0.2), and some may be empty
 MINIMUM_VALUE = 0.32

@@ -29,8 +29,8 @@ from lanelib.tracking import LaneTracker
 
 __all__ = ["LaneFinder", "LaneResult", "Rig", "View", "confidence_of", "line_at_rows"]
 
-MINIMUM_ENERGY = 8.0  # of the joint fit; pictures of noise reach 3 (tests/test_finder.py)
-MINIMUM_ROWS = 8.0  # rows of clear paint on both lines together, of 136: one dash near the car, or two further away
+MINIMUM_ENERGY = 7.0  # of the joint fit; pictures of noise reach 3 (tests/test_finder.py)
+MINIMUM_ROWS = 7.0  # rows of clear paint on both lines together, of 112: one dash near the car, or two further away
 MODELS = ("joint", "windows")
 
 
@@ -215,7 +215,7 @@ class LaneFinder:
 
 
 def confidence_of(fit: JointFit) -> float:
-    """0..1 from how many rows of paint each line has: 1 - exp(-rows / 12), the stronger line counting double
+    """0..1 from how many rows of paint each line has: 1 - exp(-rows / 10), the stronger line counting double
     (it carries the weaker one), times how sharply the points agree."""
-    weak, strong = sorted(1 - np.exp(-fit.support.sum(axis=1) / 12))
+    weak, strong = sorted(1 - np.exp(-fit.support.sum(axis=1) / 10))
     return float((2 * strong + weak) / 3 * np.exp(-((fit.rms_px / 6) ** 2)))

@@ -59,9 +59,9 @@ UNKNOWN_ROAD = Prior(
 
 LOCATION_STD_PX = 1.0  # how well a crest is located in the frame ...
 LOCATION_STD_M = 0.03  # ... and on the road: paint has ragged edges, the line in it is a convention
-ENOUGH_ROWS = 40.0  # so many rows of paint settle a line; more add little
+ENOUGH_ROWS = 34.0  # so many rows of paint settle a line; more add little
 # crests along one line share their error (wear, a kink in the paint): so many count as one measurement
-NEIGHBOURS = 8.0
+NEIGHBOURS = 7.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,7 +32,7 @@ from lanelib.truth import FORMAT
 from lanelib.video import VideoWriter, read_frames
 
 SET = "rendered"  # the set that is shipped: rendered pictures whose truth is known exactly
-JPEG_QUALITY = 85  # of stored figures: a road picture 10 in wide takes about 60 kB, and nobody sees the difference
+JPEG_QUALITY = 80  # of stored figures: a road picture 10 in wide takes about 60 kB, and nobody sees the difference
 SIMULATED = "simulated_v3"  # change it when the simulated drive changes: the old one is then made again
 SPEED_MPS, FPS = 25.0, 25.0  # 90 km/h at 25 frames a second: 1 m a frame
 
@@ -219,10 +219,10 @@ class Player:
         return f"a video: {self.alt}"
 
 
-def play(frames: Iterable[np.ndarray], *, alt: str, fps: float = FPS, width: int = 480, crf: float = 30) -> Player:
+def play(frames: Iterable[np.ndarray], *, alt: str, fps: float = FPS, width: int = 480, crf: float = 31) -> Player:
     """Frames (H, W, 3) uint8 BGR as a video that plays in the page (H.264, yuv420p, no file left behind).
 
-    ``width``, ``crf``: 4 s of a drive at 480 px and 30 take 100-300 kB, so the notebook stays small. ``alt`` says in a
+    ``width``, ``crf``: 4 s of a drive at 480 px and 31 take 100-300 kB, so the notebook stays small. ``alt`` says in a
     sentence what is to be seen. Raises LanelibError where there is no frame.
     """
     with tempfile.TemporaryDirectory() as folder:

@@ -17,7 +17,7 @@ from lanelib.errors import LanelibError
 from lanelib.paint import STRONG_Z, paint_evidence, paint_points
 
 NAMES = ("frame", "undistorted", "mask", "evidence", "birdseye", "birdseye_mask", "windows", "fit", "lane")
-EVIDENCE_WH = (640, 360)  # the scan, 385 x 136 with rows spaced by perspective, enlarged to a frame's proportions
+EVIDENCE_WH = (640, 360)  # the scan, 301 x 112 with rows spaced by perspective, enlarged to a frame's proportions
 
 
 def stages(frame_bgr: np.ndarray, finder, result=None) -> dict[str, np.ndarray]:

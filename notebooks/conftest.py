@@ -1,7 +1,8 @@
 """nbval with a tolerance: the words of an output must match, its numbers must be close.
 
-Integers are counts and must be equal; numbers with a point agree within 1e-3, because the width of a processor's
-vector unit alone moves the RMS of a calibration by 8e-4. Used by `make test-notebooks`.
+Integers are counts and must be equal. Numbers with a point agree within 1e-3, because the width of a processor's vector
+unit alone moves the RMS of a calibration by 8e-4; where three or more digits are shown, within one unit of the last,
+because a number in the middle between two roundings may go either way. Used by `make test-notebooks`.
 """
 
 import math
@@ -39,7 +40,15 @@ def close(one: str, other: str) -> bool:
     one, other = one.replace("−", "-"), other.replace("−", "-")
     if one.lstrip("+-").isdigit() and other.lstrip("+-").isdigit():
         return int(one) == int(other)
-    return math.isclose(float(one), float(other), rel_tol=RTOL, abs_tol=ATOL)
+    return math.isclose(float(one), float(other), rel_tol=RTOL, abs_tol=max(ATOL, min(last_unit(one), last_unit(other))))
+
+
+def last_unit(number: str) -> float:
+    """One unit of the last digit that is shown (and 1e-9 for what binary fractions add), 0 for fewer than three."""
+    mantissa, _, exponent = number.lower().lstrip("+-").partition("e")
+    digits = mantissa.replace(".", "").lstrip("0")
+    decimals = len(mantissa.partition(".")[2])
+    return 10.0 ** (int(exponent or 0) - decimals) * (1 + 1e-9) if len(digits) >= 3 else 0.0
 
 
 @pytest.hookimpl(trylast=True)

@@ -137,8 +137,19 @@ def project(points_m, *, size_wh=SIZE_WH, **mounting) -> np.ndarray:
     return (pixels + 0.5) * size_wh[0] / SIZE_WH[0] - 0.5
 
 
-def paint_frame(lane: Lane7, *, size_wh=SIZE_WH, far_m=90.0, paint_m=0.13, dashed=(), colours=(YELLOW, WHITE),
-                extra=(), noise=2.0, seed=0, **mounting) -> np.ndarray:
+def paint_frame(
+    lane: Lane7,
+    *,
+    size_wh=SIZE_WH,
+    far_m=90.0,
+    paint_m=0.13,
+    dashed=(),
+    colours=(YELLOW, WHITE),
+    extra=(),
+    noise=2.0,
+    seed=0,
+    **mounting,
+) -> np.ndarray:
     """A frame (H, W, 3) uint8: flat asphalt under a plain sky with the lane's two lines as filled polygons.
 
     ``dashed``: sides (-1, 1) painted 3.66 m in 14.63 m. ``extra``: (x of y, width, BGR) more stripes. The lane's
@@ -171,7 +182,7 @@ def paint_frame(lane: Lane7, *, size_wh=SIZE_WH, far_m=90.0, paint_m=0.13, dashe
 
 
 def points_on_grid(lane: Lane7, grid, *, height_m, focal_px, gaps=None, rng=None, px=0.0, drop=0.0) -> Points:
-    """Paint points of a flat-road lane as a scan of ``grid`` would give them: one a row and line, in its columns' reach.
+    """Paint points of a flat-road lane as a scan of ``grid`` gives them: one a row and line, within its columns.
 
     ``rng`` scatters them by ``px`` pixels and drops a share ``drop`` of them.
     """

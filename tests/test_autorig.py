@@ -158,6 +158,7 @@ def test_dashes_give_the_focal_length():
     found = find_rig(frames, lane_width_m=LANE_M, dash_period_m=12.19)
     assert found.focal_px == pytest.approx(1000, rel=0.04)
     assert abs(found.focal_px - 1000) < 3 * found.std["focal_px"]
+    assert found.dash.period_m == pytest.approx(12.19, rel=0.015)  # on the scale of the rig that is handed out
     assert found.height_m == pytest.approx(1.4, rel=0.015)
 
 

@@ -10,8 +10,14 @@ from lanelib.hypotheses import hypotheses, single_lines, votes
 from lanelib.jointfit import UNKNOWN_ROAD, WIDTH, differ, fit, line_x
 
 # offset, heading, bend (R from 60 m on, either way), width, pitch in degrees
-lanes = st.builds(lambda c, h, k, w, p: Lane7(c, h, k / 2, 0.0, w, np.radians(p)), st.floats(-1, 1),
-                  st.floats(-0.1, 0.1), st.floats(-1 / 60, 1 / 60), st.floats(3.2, 4.2), st.floats(-1, 1))
+lanes = st.builds(
+    lambda c, h, k, w, p: Lane7(c, h, k / 2, 0.0, w, np.radians(p)),
+    st.floats(-1, 1),
+    st.floats(-0.1, 0.1),
+    st.floats(-1 / 60, 1 / 60),
+    st.floats(3.2, 4.2),
+    st.floats(-1, 1),
+)
 
 
 def best_fit(p):
@@ -33,7 +39,7 @@ def test_the_best_fit_is_the_lane(lane, phase):
 
 
 def test_the_lane_is_among_the_hypotheses():
-    """Of 100 random lanes with one dashed line: for at least 95 one of the starts is already the lane, and from every one
+    """Of 100 random lanes with a dashed line: for at least 95 a start is already the lane, and from every one
     the best fit is; the line with more paint then lies within 5 cm to 20 m for nine of ten."""
     rng, among, worst, at = np.random.default_rng(11), 0, [], np.array([0.0, 6, 12, 20])
     for _ in range(100):

@@ -58,7 +58,7 @@ def off(found, lane, at=(0.0, 6.0, 15.0, 30.0)):
 @settings(max_examples=50, deadline=None)
 @given(within, nudge, st.floats(0.9, 2.0), st.floats(1000, 2000))
 def test_exact_points_give_back_all_numbers(numbers, start, height_m, focal_px):
-    """From a start up to 1 m off at 50 m, as hypotheses are, under a prior that is as vague as the finder's and right."""
+    """From a start up to 1 m off at 50 m, as hypotheses are, under a prior as vague as the finder's, and right."""
     lane = truth(0.7 * np.array(numbers))
     start, prior = lane.mean + STD * (*start, 0), Prior(lane.mean, UNKNOWN_ROAD.covariance)
     found = fit(points_on_lane(lane, height_m=height_m, focal_px=focal_px), start, prior=prior)
@@ -176,8 +176,9 @@ def test_a_double_lines_inward_shift_moves_its_boundary():
 # ---------------------------------------------------------------------------------------------- hard evidence
 def noisy(p, rng, *, px=1.0):
     """Points scattered by a standard deviation in pixels of the frame."""
-    return points(p.bearing + rng.normal(0, px, len(p)) / p.focal_px, p.inverse, p.row, p.weight, p.focal_px,
-                  p.height_m, p.n_rows)
+    return points(
+        p.bearing + rng.normal(0, px, len(p)) / p.focal_px, p.inverse, p.row, p.weight, p.focal_px, p.height_m, p.n_rows
+    )
 
 
 def test_one_dash_is_carried_by_the_other_line():
@@ -201,7 +202,9 @@ def test_a_missing_line_is_a_usual_width_away(side):
     lane = Lane7(centre=0.3, heading=0.02, bend=1 / 500, width=3.5)
     found = fit(points_on_lane(lane, sides=(side,)), lane.mean + STD * 0.2)
     at = np.array([0.0, 6, 15])
-    assert np.abs(line_x(at, found.mean, side) - lane.x(at, side)).max() < 0.03  # pitch is unknown, too: distances shift
+    assert (
+        np.abs(line_x(at, found.mean, side) - lane.x(at, side)).max() < 0.03
+    )  # pitch is unknown, too: distances shift
     assert abs(found.mean[WIDTH] - UNKNOWN_ROAD.mean[WIDTH]) < 0.2
     std = np.sqrt(np.diag(found.covariance))
     both = np.sqrt(np.diag(fit(points_on_lane(lane), lane.mean).covariance))
@@ -216,7 +219,9 @@ def test_clutter_does_not_pull_the_lane():
         p = noisy(points_on_lane(WINDING), rng)
         n = len(p)
         y = 1 / rng.uniform(1 / 60, 1 / 4, n)
-        anywhere = points(rng.uniform(-8, 8, n) / y, 1 / y, rng.integers(0, 136, n), rng.uniform(0.2, 1, n), 1100.0, 1.3)
+        anywhere = points(
+            rng.uniform(-8, 8, n) / y, 1 / y, rng.integers(0, 136, n), rng.uniform(0.2, 1, n), 1100.0, 1.3
+        )
         assert off(fit(joined(p, anywhere), WINDING.mean + STD * rng.normal(0, 0.2, 7)), WINDING) < 0.05
 
 
@@ -283,8 +288,9 @@ def test_a_prior_pulls_as_a_measurement_would():
     p = points_on_lane(WINDING, y_m=np.linspace(20, 8, 40))
     tight, loose = (np.diag(UNKNOWN_ROAD.covariance) * factor for factor in (0.01, 1e6))
     tight[RATE] = loose[RATE] = 1e-14  # tighter than what a road's curvature may change by, which would come on top
-    posterior = [np.linalg.inv(fit(p, WINDING.mean, prior=Prior(WINDING.mean, np.diag(c))).covariance)
-                 for c in (tight, loose)]
+    posterior = [
+        np.linalg.inv(fit(p, WINDING.mean, prior=Prior(WINDING.mean, np.diag(c))).covariance) for c in (tight, loose)
+    ]
     scale = np.sqrt(np.diag(posterior[0]))
     difference = posterior[0] - posterior[1] - np.diag(1 / tight - 1 / loose)
     np.testing.assert_allclose(difference / np.outer(scale, scale), 0, atol=1e-3)
@@ -333,12 +339,19 @@ def test_differ_tells_another_lane_from_the_same_again():
 def test_nearby_keeps_what_tracking_needs():
     rng = np.random.default_rng(8)
     p = points_on_lane(WINDING)
-    far_off = points(rng.uniform(-0.02, 0.02, 200), rng.uniform(1 / 20, 1 / 5, 200), rng.integers(0, 136, 200),
-                     np.ones(200), 1100.0, 1.3)  # between the lines, 1 m and more from both
+    far_off = points(
+        rng.uniform(-0.02, 0.02, 200),
+        rng.uniform(1 / 20, 1 / 5, 200),
+        rng.integers(0, 136, 200),
+        np.ones(200),
+        1100.0,
+        1.3,
+    )  # between the lines, 1 m and more from both
     kept = nearby(joined(p, far_off), WINDING.mean, gate=9.0)
     assert len(kept) == len(p)
-    np.testing.assert_allclose(fit(kept, WINDING.mean, gates=TRACK_GATES).mean,
-                               fit(p, WINDING.mean, gates=TRACK_GATES).mean)
+    np.testing.assert_allclose(
+        fit(kept, WINDING.mean, gates=TRACK_GATES).mean, fit(p, WINDING.mean, gates=TRACK_GATES).mean
+    )
 
 
 def test_wild_starts_and_points_stay_finite():

@@ -1,4 +1,4 @@
-"""lane.py: fits against synthetic truth and numpy, arcs against their radius, every check against a lane that breaks it."""
+"""lane.py: fits against synthetic truth and numpy, arcs against their radius, each check against what breaks it."""
 
 import math
 
@@ -63,8 +63,11 @@ def test_a_heavy_point_counts_as_often_as_it_weighs():
     weighted = fit_line(x, y, copies, robust=False)
     repeated = fit_line(np.repeat(x, copies), np.repeat(y, copies), robust=False)
     np.testing.assert_allclose(weighted.coefficients, repeated.coefficients, atol=1e-9)
-    np.testing.assert_allclose(fit_line(x, y, (y < 25), robust=False).coefficients,
-                               fit_line(x[y < 25], y[y < 25], robust=False).coefficients, atol=1e-9)
+    np.testing.assert_allclose(
+        fit_line(x, y, (y < 25), robust=False).coefficients,
+        fit_line(x[y < 25], y[y < 25], robust=False).coefficients,
+        atol=1e-9,
+    )
 
 
 @pytest.mark.parametrize("robust", [False, True])
@@ -83,10 +86,18 @@ def test_the_covariance_is_the_scatter_of_repeated_measurements(robust):
         np.testing.assert_allclose(np.sqrt(np.diag(lines[0].covariance)), np.sqrt(np.diag(numpys)), rtol=0.35)
 
 
-@pytest.mark.parametrize(("x", "y"), [
-    ([], []), ([1.0], [5.0]), ([1, 2], [5, 6]), ([1.0] * 50, [7.0] * 50), ([1, 2, 3, 4], [5, 5, 6, 6]),
-    ([np.nan] * 9, range(9)), ([1.0] * 9, [np.inf] * 9),
-])
+@pytest.mark.parametrize(
+    ("x", "y"),
+    [
+        ([], []),
+        ([1.0], [5.0]),
+        ([1, 2], [5, 6]),
+        ([1.0] * 50, [7.0] * 50),
+        ([1, 2, 3, 4], [5, 5, 6, 6]),
+        ([np.nan] * 9, range(9)),
+        ([1.0] * 9, [np.inf] * 9),
+    ],
+)
 def test_points_that_make_no_line_say_so(x, y):
     found = fit_line(x, y)
     assert isinstance(found, NoLine) and not found and "distances, found" in found.reason
@@ -155,8 +166,9 @@ def test_metres_refitted_are_pixel_coefficients_converted():
     columns = grid.column_of(metres.x(grid.y_m))
     in_pixels = np.polyfit(rows, columns, 2)
     np.testing.assert_allclose(pixel_coefficients(metres, grid), in_pixels, rtol=1e-8)
-    np.testing.assert_allclose(fit_line(grid.x_of(np.polyval(in_pixels, rows)), grid.y_m).coefficients,
-                               metres.coefficients, rtol=1e-6)
+    np.testing.assert_allclose(
+        fit_line(grid.x_of(np.polyval(in_pixels, rows)), grid.y_m).coefficients, metres.coefficients, rtol=1e-6
+    )
 
 
 # ---------------------------------------------------------------------------------------------- lane
@@ -238,8 +250,10 @@ def test_lines_that_cross_ahead_are_out_of_order():
 def test_a_jump_of_either_line_is_seen(side):
     before = lane_of(bend=1 / 800)
     moved = {"left": 0.0, "right": 0.0} | {side: 0.55}
-    now = Lane(Line(before.left.coefficients + [0, 0, -moved["left"]], (4, 30)),
-               Line(before.right.coefficients + [0, 0, moved["right"]], (4, 30)))
+    now = Lane(
+        Line(before.left.coefficients + [0, 0, -moved["left"]], (4, 30)),
+        Line(before.right.coefficients + [0, 0, moved["right"]], (4, 30)),
+    )
     assert failed(check_lane(now, before)) == {"no jump"}
     assert not failed(check_lane(now))  # on its own the lane is a good one
     assert not failed(check_lane(now, before, limits=Limits(jump_m=0.6)))

@@ -122,8 +122,9 @@ def test_the_parabola_through_three_pixels_finds_its_top():
 
 
 def test_weights_run_from_weak_to_strong():
-    np.testing.assert_allclose(weight_of(np.array([0, WEAK_Z, (WEAK_Z + STRONG_Z) / 2, STRONG_Z, 99])),
-                               [0, 0, 0.5, 1, 1])
+    np.testing.assert_allclose(
+        weight_of(np.array([0, WEAK_Z, (WEAK_Z + STRONG_Z) / 2, STRONG_Z, 99])), [0, 0, 0.5, 1, 1]
+    )
 
 
 # ---------------------------------------------------------------------------------------------- light and colour

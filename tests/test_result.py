@@ -20,15 +20,33 @@ def line_px(bottom, top, rows=(719, 430)):
 
 
 def result(**kwargs):
-    given = {"lane": LANE, "status": "measured", "confidence": 0.91234, "left_px": line_px(200, 600),
-             "right_px": line_px(1100, 680), "size_wh": (1280, 720), "milliseconds": 3.14159}
+    given = {
+        "lane": LANE,
+        "status": "measured",
+        "confidence": 0.91234,
+        "left_px": line_px(200, 600),
+        "right_px": line_px(1100, 680),
+        "size_wh": (1280, 720),
+        "milliseconds": 3.14159,
+    }
     return LaneResult(**(given | kwargs))
 
 
 def test_the_row_is_that_of_the_contract():
     row = result().to_row("a/b.jpg")
-    assert list(row) == ["raw_file", "h_samples", "lanes", "run_time", "status", "reason", "confidence", "radius_m",
-                         "curvature_1pm", "offset_m", "lane_width_m"]
+    assert list(row) == [
+        "raw_file",
+        "h_samples",
+        "lanes",
+        "run_time",
+        "status",
+        "reason",
+        "confidence",
+        "radius_m",
+        "curvature_1pm",
+        "offset_m",
+        "lane_width_m",
+    ]
     assert json.loads(json.dumps(row, allow_nan=False)) == row
     assert (row["raw_file"], row["status"], row["reason"]) == ("a/b.jpg", "measured", "")
     assert row["h_samples"] == list(range(430, 720, 10))
@@ -43,7 +61,9 @@ def test_the_row_is_that_of_the_contract():
 def test_outside_the_frame_and_beyond_its_end_a_line_is_not_seen():
     row = result(left_px=line_px(-100, 600), right_px=line_px(1500, 680, rows=(719, 500))).to_row("x")
     left, right = (dict(zip(row["h_samples"], line, strict=True)) for line in row["lanes"])
-    assert row["h_samples"] == list(range(430, 680, 10))  # where any of the two is seen: below, both have left the frame
+    assert row["h_samples"] == list(
+        range(430, 680, 10)
+    )  # where any of the two is seen: below, both have left the frame
     assert left[670] > 0 and left[430] == 600
     assert right[490] == right[430] == -2 and right[500] > 0 and right[650] == -2
     seen = [x for x in (*left.values(), *right.values()) if x != -2]

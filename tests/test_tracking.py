@@ -1,4 +1,4 @@
-"""tracking.py: hold and forget, hand over, smooth: on fits of known truth and through the finder on points of known roads."""
+"""tracking.py: hold and forget, hand over, smooth: on fits of known truth, and through the finder on known roads."""
 
 from dataclasses import replace
 
@@ -164,8 +164,8 @@ def test_handed_over_moves_by_a_width_beyond_the_margin():
 
 @pytest.mark.parametrize("wrong", [Lane7(-0.9, 0, 0, 0, 3.3), Lane7(0.3, -0.09, 0, 0, 3.9)])
 def test_a_wrong_lane_is_not_held(wrong):
-    """The first frames show something else (old markings of a works site); when only the true lane is there, it takes over
-    within half a second, and a clear one within a second although some of the old paint is still to be seen."""
+    """The first frames show something else (old markings of a works site); when only the true lane is there, it takes
+    over within half a second, and a clear one within a second although some of the old paint is still to be seen."""
     for remains in (0.0, 0.3):
         f, rng, truth = finder(), np.random.default_rng(5), Lane7(0.5, 0.02, -1 / 700, 0, 3.7)
         for _ in range(20):
@@ -178,7 +178,7 @@ def test_a_wrong_lane_is_not_held(wrong):
             f.now = joined(points_on_grid(truth, view.grid, drop=0.1, **kwargs), old)
             results.append(f.process(BLANK))
         right = [bool(r) and abs(r.offset_m + 0.5) < 0.15 and abs(r.width_m - 3.7) < 0.2 for r in results]
-        assert all(right[25 if remains else 13:]), right
+        assert all(right[25 if remains else 13 :]), right
 
 
 # ---------------------------------------------------------------------------------------------- smoothing
@@ -186,14 +186,20 @@ AT_M = np.array([0.0, 10.0, 20.0])
 
 
 def drive(smoothing, seed=0, n=240):
-    """A road that swings from left to right, a car that weaves and nods, a dashed line on the right; four of five points
-    are missing, the others scattered by 2.5 px. Estimated and true x of the lane's centre at AT_M, (n, 3) each."""
+    """A road that swings from left to right, a car that weaves and nods, a dashed line on the right; four of five
+    points are missing, the others scattered by 2.5 px. Estimated and true x of the lane's centre at AT_M, (n, 3) each."""
     f, rng, found, true = finder(smoothing=smoothing), np.random.default_rng(seed), [], []
     for i in range(n):
         t = i / 25
         pitch = np.radians(0.1 * np.sin(2 * np.pi * 1.3 * t))
-        lane = Lane7(0.3 * np.sin(2 * np.pi * t / 6), 0.012 * np.cos(2 * np.pi * t / 6),
-                     np.sin(2 * np.pi * t / 7) / 700, 0.0, 3.65, pitch)
+        lane = Lane7(
+            0.3 * np.sin(2 * np.pi * t / 6),
+            0.012 * np.cos(2 * np.pi * t / 6),
+            np.sin(2 * np.pi * t / 7) / 700,
+            0.0,
+            3.65,
+            pitch,
+        )
         result = f.see(lane, rng=rng, px=2.5, drop=0.8, gaps={1: (3.66, 14.63, -28 * t % 14.63)})
         assert result.status == "measured"
         found.append((result.lane.left.x(AT_M) + result.lane.right.x(AT_M)) / 2)
@@ -208,7 +214,7 @@ def jitter(found, true):
 
 def lag_frames(found, true):
     """The delay in frames at which the estimate at 20 m follows the truth best."""
-    delays = range(0, 15)
+    delays = range(15)
     misfit = [np.mean((found[15:, 2] - true[15 - d : len(true) - d, 2]) ** 2) for d in delays]
     return delays[int(np.argmin(misfit))]
 

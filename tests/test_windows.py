@@ -1,4 +1,4 @@
-"""windows.py: the classic measurement on a drawn mask gives the drawn lines, in metres and in the joint fit's numbers."""
+"""windows.py: the classic way gives the drawn lines of a mask, in metres and in the joint fit's numbers."""
 
 import numpy as np
 import pytest
@@ -33,8 +33,9 @@ def test_pixel_coefficients_are_the_line_in_pixels(a, b, c, width, height):
 
 
 def test_a_cubics_second_order_part_is_taken():
-    np.testing.assert_allclose(pixel_coefficients(Line([0.0, 0.001, 0.1, 1.0]), GRID),
-                               pixel_coefficients(Line([0.001, 0.1, 1.0]), GRID))
+    np.testing.assert_allclose(
+        pixel_coefficients(Line([0.0, 0.001, 0.1, 1.0]), GRID), pixel_coefficients(Line([0.001, 0.1, 1.0]), GRID)
+    )
 
 
 @pytest.mark.parametrize("around", [False, True])

@@ -117,7 +117,8 @@ def _solutions(cell: Cell, name: str = "source") -> list[tuple[int, int]]:
 def solved_text(cell: Cell) -> str:
     """A code cell with its solutions, without the marker lines."""
     lines = cell.text.splitlines()
-    return "\n".join(line for line in lines if line.strip() not in (BEGIN, END) and not line.strip().startswith(STUB))
+    kept = [line for line in lines if line.strip() not in (BEGIN, END) and not line.strip().startswith(STUB)]
+    return _close("\n".join(kept))
 
 
 def learner_text(cell: Cell) -> str:
@@ -128,7 +129,12 @@ def learner_text(cell: Cell) -> str:
         indent = lines[begin][: len(lines[begin]) - len(lines[begin].lstrip())]
         stubs = [line.strip().removeprefix(STUB) for line in inside if line.strip().startswith(STUB)]
         lines[begin : end + 1] = [indent + stub for stub in stubs or [YOUR_CODE]]
-    return "\n".join(lines)
+    return _close("\n".join(lines))
+
+
+def _close(text: str) -> str:
+    """In a cell one empty line parts as well as two."""
+    return re.sub(r"\n{3,}", "\n\n", text)
 
 
 def answer_text(cell: Cell) -> str:

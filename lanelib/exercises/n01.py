@@ -17,31 +17,32 @@ def _lens(x: float, y: float, k1: float, k2: float) -> tuple[float, float]:
 @never_raises
 def check_radial(answer):
     """Normalised (x, y) moved by the radial part of a lens, coefficients k1 and k2: a pair (x_d, y_d)."""
-    cases = [((0.3, -0.4, -0.24, 0.0), None), ((0.5, 0.2, -0.3, 0.11), None), ((0.0, 0.0, -0.3, 0.1), None)]
-    expected = [(given, _lens(*given)) for given, _ in cases]
-    first = not_yet("")
-    try:
-        values = np.asarray(answer(*cases[0][0]), float).ravel()
-        first = _known_slip(values, *cases[0][0])
-    except Exception:  # noqa: S110 - judged below, where every kind of wrong answer has its hint
-        pass
-    if first.hint:
-        return first
-    return function(answer, expected, array, rel=1e-6, tolerance=1e-9, columns="x, y")
+    cases = [(0.3, -0.4, -0.24, 0.05), (0.5, 0.2, -0.3, 0.11), (0.0, 0.0, -0.3, 0.1)]
+
+    def judge(value, expected, given=cases[0]):
+        slip = _known_slip(value, *given)
+        return array(value, expected, rel=1e-6, tolerance=1e-9, columns="x, y") if slip is None else slip
+
+    return first_failed(
+        function(answer, [(cases[0], _lens(*cases[0]))], judge),
+        lambda: function(answer, [(case, _lens(*case)) for case in cases], array, rel=1e-6, tolerance=1e-9),
+    )
 
 
-def _known_slip(values: np.ndarray, x: float, y: float, k1: float, k2: float) -> Verdict:
-    """Typical mistakes, told by their value."""
+def _known_slip(value, x: float, y: float, k1: float, k2: float) -> Verdict | None:
+    """Typical mistakes, told by their value; None for anything else."""
     r = np.hypot(x, y)
     slips = {
-        "this uses r where the equation has r²": 1 + k1 * r,
-        "this divides; the lens multiplies, undistorting divides": 1 / (1 + k1 * r**2),
-        "the 1 is missing: the factor is 1 + k1 r² + k2 r⁴": k1 * r**2,
+        "this uses r and r² where the equation has r² and r⁴": 1 + k1 * r + k2 * r**2,
+        "k2 goes with r⁴, the square of r²": 1 + (k1 + k2) * r**2,
+        "this divides; the lens multiplies": 1 / (1 + k1 * r**2 + k2 * r**4),
+        "the 1 is missing: the factor is 1 + k1 r² + k2 r⁴": k1 * r**2 + k2 * r**4,
     }
-    for hint, factor in slips.items():
-        if values.shape == (2,) and np.allclose(values, np.array([x, y]) * factor, rtol=1e-6):
-            return not_yet(hint)
-    return right()
+    if np.shape(value) == (2,):
+        for hint, factor in slips.items():
+            if np.allclose(np.asarray(value, float), np.array([x, y]) * factor, rtol=1e-6):
+                return not_yet(hint)
+    return None
 
 
 @never_raises
@@ -54,7 +55,7 @@ def check_scaled_matrix(answer):
         expected[:2, 2] += 0.5 * factor - 0.5
 
         def judge(value, _, expected=expected, factor=factor):
-            if np.shape(value) == (3, 3) and np.allclose(value, matrix * factor, atol=0.6) and factor != 1:
+            if np.shape(value) == (3, 3) and np.isclose(np.asarray(value, float)[2, 2], factor):
                 return not_yet("the last row must stay 0, 0, 1: a camera matrix has no scale of its own")
             return array(value, expected, unit="px", rel=0, tolerance=0.55)
 

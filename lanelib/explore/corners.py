@@ -154,6 +154,5 @@ def warp(frame_bgr: np.ndarray, rig: Rig | Camera, truth=None) -> Explorer:
                               tip="a rectangle on the road as the rig sees it"))  # fmt: skip
     explorer = Explorer("Warp explorer: drag the corners, or Tab to one and use the arrow keys", make, controls,
                         hidden=("corners",), buttons=buttons, beside=quad, alt="bird's-eye view with metres")  # fmt: skip
-    explorer.picture.layout.width, explorer.picture.layout.flex = "32%", "0 0 32%"
-    explorer.picture.layout.margin = "0 0 0 10px"
+    explorer.pane.layout.width, explorer.pane.layout.flex, explorer.pane.layout.margin = "31%", "0 0 31%", "0 0 0 10px"
     return explorer

@@ -40,7 +40,9 @@ CONTROL = {"flex": "1 1 300px", "max_width": "440px", "min_width": "260px"}
 
 # ------------------------------------------------------------------------------------------------ controls
 def slider(name: str, value: float, low: float, high: float, step: float, *, digits: int = 2, tip: str = ""):
-    """A slider of real numbers, labelled ``name``."""
+    """A slider of real numbers, labelled ``name``; its lower end gives way so that ``value`` is a whole number of steps
+    above it, for the page moves any other value to the next step."""
+    low = value - round((value - low) / step) * step
     return W.FloatSlider(value=value, min=low, max=high, step=step, readout_format=f".{digits}f", **_labels(name, tip))
 
 
@@ -95,14 +97,14 @@ class Explorer(W.VBox):
         self._held, self.look, self.milliseconds = 0, None, 0.0
         hidden = set(hidden)
         self.picture = W.Image(format="jpeg", layout=W.Layout(width="100%", height="auto", object_fit="contain"))
-        self.picture.tooltip = alt or title
         self.numbers = W.HTML(layout=W.Layout(width="100%"))
         shown = [control for name, control in self.controls.items() if name not in hidden]
         panel = W.Box([*shown, *buttons], layout=W.Layout(width="100%"))
         panel.add_class("lx-controls")
-        picture = self.picture
+        self.pane = W.Box([self.picture], layout=W.Layout(width="100%"), tooltip=alt or title)  # an Image takes no tooltip
+        picture = self.pane
         if beside is not None:
-            picture = W.Box([beside, self.picture], layout=W.Layout(width="100%", flex_flow="row", align_items="flex-start"))
+            picture = W.Box([beside, self.pane], layout=W.Layout(width="100%", flex_flow="row", align_items="flex-start"))
         head = W.HTML(f'{STYLE}<div class="lx-title">{html.escape(title)}</div>')
         super().__init__([head, panel, picture, *below, self.numbers], layout=W.Layout(width="100%"))
         self.add_class("lx")

@@ -11,8 +11,7 @@ from lanelib import draw
 from lanelib.camera import Camera
 from lanelib.channels import as_bgr
 from lanelib.draw.marks import line_in_place
-from lanelib.errors import LanelibError
-from lanelib.explore.kit import Explorer, button, slider
+from lanelib.explore.kit import Explorer, button, slider, tick
 from lanelib.explore.look import Look, Reading
 
 PANEL_WIDTH = 462  # of each of the two pictures, px
@@ -119,23 +118,20 @@ def distortion(camera: Camera, frame_bgr: np.ndarray | None = None) -> Explorer:
         camera = camera.scaled((frame.shape[1], frame.shape[0]))
     f = float(camera.camera_matrix[0, 0])
     own = dict(zip(COEFFICIENTS, camera.distortion.tolist(), strict=True))
+    # half a thousand pixels off axis, a step of k1 moves a point by half a pixel, one of p1 by a third
     spans = {"k1": (0.6, 0.005), "k2": (0.6, 0.005), "p1": (0.03, 0.0005), "p2": (0.03, 0.0005), "k3": (0.6, 0.005)}
     controls = {}
     for name, (reach, step) in spans.items():
-        reach = max(reach, math.ceil(abs(own[name]) * 15) / 10)
+        reach = max(reach, 1.5 * abs(own[name]))
         controls[name] = slider(name, own[name], -reach, reach, step, digits=4 if reach < 0.1 else 3,
                                 tip="tangential coefficient" if name[0] == "p" else "radial coefficient")  # fmt: skip
     controls["f"] = slider("f, px", f, 0.4 * f, 2.5 * f, f / 200, digits=0, tip="focal length in pixels")
+    controls["none"] = tick("no distortion", tip="all coefficients 0")
 
-    def make(**lens) -> Look:
-        return distortion_look(camera, frame, **lens)
+    def make(none, **lens) -> Look:
+        return distortion_look(camera, frame, **(lens | dict.fromkeys(COEFFICIENTS, 0.0) if none else lens))
 
-    buttons = [
-        button("Calibrated", lambda: explorer.set(**own, f=f), tip="the camera's own lens"),
-        button("No distortion", lambda: explorer.set(**dict.fromkeys(COEFFICIENTS, 0.0)), tip="all coefficients 0"),
-    ]
-    if not camera.size_wh[0] > 1:
-        raise LanelibError(f"a camera with pictures is needed, found {camera.size_wh}; calibrate one")
+    buttons = [button("Calibrated", lambda: explorer.set(**own, f=f, none=False), tip="the camera's own lens")]
     explorer = Explorer("Distortion explorer", make, controls, buttons=buttons,
                         alt="a straight grid through the lens, and the frame undistorted")  # fmt: skip
     return explorer

@@ -121,7 +121,8 @@ def road_cost(y_m, costs: Mapping[str, tuple[Sequence[float], Sequence[float]]])
             a.plot(y_m, error, color=SERIES[i % len(SERIES)], linestyle=LINE_STYLES[i % 4], label=name, marker="o",
                    markersize=3.5)  # fmt: skip
     for a, title in zip(axes, ("the lines of the own lane", "the far line of the next lane"), strict=True):
-        a.set(xlabel="distance ahead, m", yscale="log", title=title)
+        a.set(xlabel="distance ahead, m", yscale="log", title=title, ylim=(0.05, 300))
+        a.set_yticks([0.1, 1, 10, 100], ["0.1", "1", "10", "100"])
     axes[0].set_ylabel("misplaced sideways, cm (log)")
-    axes[0].legend(loc="upper center", bbox_to_anchor=(1.0, -0.2), ncols=len(costs))
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(costs))
     return figure

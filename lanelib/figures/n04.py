@@ -14,8 +14,6 @@ from lanelib.figures.style import INK, SOFT, WIDTH_IN, extent_of, in_style, put_
 from lanelib.hypotheses import BEARINGS, BENDS, X_BINS_M, votes
 from lanelib.jointfit import Points
 
-BAND = 25  # columns of the table of votes to either side of a straight line that are worth showing
-
 
 @in_style
 def above(view_bgr: np.ndarray, grid, lanes: Mapping[str, object], *, truth_m=None, y_max_m: float = 40.0) -> Figure:
@@ -49,7 +47,7 @@ def checks(rows: Mapping[str, tuple]) -> Figure:
         for check in row:
             j = names.index(check.name)
             table[i, j] = check.ok
-            value = f"{check.value:.4f}" if abs(check.value) < 0.05 else f"{min(check.value, 99999):.3g}"
+            value = f"{check.value:.4f}" if abs(check.value) < 0.05 else (f"{check.value:.0f}" if check.value > 100 else f"{check.value:.3g}")
             texts.append((j, i, ("✓ " if check.ok else "✗ ") + ("straight" if check.value > 9999 else value)))
     a.imshow(table, cmap=ListedColormap(["#f6c9ad", "#d3efe4"]), vmin=0, vmax=1, aspect="auto")
     for j, i, text in texts:
@@ -82,7 +80,7 @@ def hough(points: Points, lines=()) -> Figure:
     b.pcolormesh(X_BINS_M, np.arange(len(bends)), table, cmap="inferno", shading="nearest")
     for i, (d, bend, bearing, x) in enumerate(np.asarray(lines, float).reshape(-1, 4)):
         far = np.linspace(2, 40, 100)
-        a.plot(x + far * (bearing + far * (bend + far * d)), far, color=SERIES[i], linewidth=1.6, label=f"{i + 1}")
+        a.plot(x + far * (bearing + far * (bend + far * d)), far, color=SERIES[i], linewidth=1.6)
         row = np.interp(2000 * bend, bends, np.arange(len(bends)))
         b.plot(x, row, "o", markersize=15, color=SERIES[i], markerfacecolor="none", markeredgewidth=2)
         b.annotate(f"{i + 1}", (x, row), xytext=(9, 9), textcoords="offset points", color="white", fontweight="bold")
@@ -91,8 +89,6 @@ def hough(points: Points, lines=()) -> Figure:
     b.set_yticks(rows, [f"{bends[r]:+.0f}" if r != len(bends) // 2 else "straight" for r in rows])
     b.set(xlabel="x at the car, m", ylabel="bend, 1/km (right is up)", title="votes for a line")
     b.grid(False)
-    if len(lines):
-        a.legend(title="strongest lines", loc="upper right")
     return figure
 
 

@@ -3,14 +3,15 @@
 # # 01 Calibrate the camera
 #
 # A camera measures directions, but only if you know what its lens does to them. Ours bends straight lines by several
-# pixels and sees the next lane a hand's breadth from where it is. Twenty pictures of a chessboard cure that; and because
-# these boards are rendered by a camera whose every number is known, you can for once see how right a calibration is.
+# pixels and sees the next lane a hand's breadth from where it is. Twenty pictures of a chessboard cure that; and
+# because these boards are rendered by a camera whose every number is known, you can for once see how right a
+# calibration is.
 #
 # **What you will do:** find chessboard corners, also on boards the frame cuts off; calibrate; hold the result against
 # the *true* camera; undistort; turn calibration errors into centimetres on the road.
 #
-# **What you will learn:** the pinhole and the Brown-Conrady equations; what the RMS reprojection error tells and what it
-# cannot tell; which pictures make a calibration good.
+# **What you will learn:** the pinhole and the Brown-Conrady equations; what the RMS reprojection error tells and what
+# it cannot tell; which pictures make a calibration good.
 #
 # **What you need:** notebook 00; the shipped chessboards; Python and a little linear algebra.
 #
@@ -77,7 +78,8 @@ notebook.say(f"The rows of corners bow by up to **{max(bow):.1f} px**. Nothing i
 # \begin{pmatrix}x\\y\\1\end{pmatrix}, \qquad u = f_x x + c_x,\quad v = f_y y + c_y$$
 #
 # $f_x, f_y$ are the focal length in units of a pixel's width and height (they differ where pixels are not square);
-# $(c_x, c_y)$, the principal point, is the pixel that looks straight ahead. It is near the middle of the frame, but only near.
+# $(c_x, c_y)$, the principal point, is the pixel that looks straight ahead. It is near the middle of the frame, but
+# only near.
 #
 # **Predict:** our focal length is about 1150 px. How many pixels wide is a lane of 3.7 m at 20 m? And at 40 m?
 
@@ -87,7 +89,12 @@ def width_px(width_m, distance_m, focal_px):
     return focal_px * width_m / distance_m
 
 
-f"{width_px(3.7, 20, 1155):.0f} px at 20 m, {width_px(3.7, 40, 1155):.0f} px at 40 m; one pixel at 40 m is {40 / 1155 * 100:.1f} cm"
+for distance_m in (20, 40):
+    lane_px, pixel_cm = width_px(3.7, distance_m, 1155), 100 * distance_m / 1155
+    print(f"at {distance_m} m the lane is {lane_px:.0f} px wide, and one pixel covers {pixel_cm:.1f} cm")
+
+# %% [markdown]
+# Remember that second number: an error of one pixel is a couple of centimetres on the road, and more the farther away.
 
 # %% [markdown]
 # ## The lens
@@ -101,8 +108,9 @@ f"{width_px(3.7, 20, 1155):.0f} px at 20 m, {width_px(3.7, 40, 1155):.0f} px at 
 # \end{aligned}$$
 #
 # The $k$ are *radial*. Why even powers only? A round lens cannot tell left from right: the factor must be the same for
-# $r$ and $-r$, and its series has no odd terms. $k_1 < 0$ pulls inwards (barrel), $k_1 > 0$ pushes outwards (pincushion).
-# The $p$ are *tangential*: lens and sensor are not quite parallel or centred. Five numbers; with the four of $K$, nine.
+# $r$ and $-r$, and its series has no odd terms. $k_1 < 0$ pulls inwards (barrel), $k_1 > 0$ pushes outwards
+# (pincushion). The $p$ are *tangential*: lens and sensor are not quite parallel or centred. Five numbers; with the
+# four of $K$, nine.
 
 # %% alt="Left: arrows over the frame that point inwards and are longest in the corners. Right: the displacement grows with the third power of the distance, to about minus 75 pixels in the corner."
 n01.lens(true)
@@ -135,8 +143,8 @@ def radial(x, y, k1, k2):
     """(x_d, y_d) for normalised x, y."""
     # BEGIN SOLUTION
     rr = x**2 + y**2
-    factor = 1 + k1 * rr + k2 * rr**2
-    return x * factor, y * factor
+    bend = 1 + k1 * rr + k2 * rr**2
+    return x * bend, y * bend
     # END SOLUTION
 
 
@@ -156,8 +164,8 @@ explore.distortion(true, picture)
 #
 # To find nine numbers you need many points whose place in the world you know. A chessboard gives them for the price of
 # a print: its inner corners are where four squares meet, so they can be located to a small fraction of a pixel, and all
-# are on one plane at known distances. `find_board` looks for the whole board of 9 × 6 inner corners, and where the frame
-# cuts it off, for the largest part that can be seen. **Predict:** how many of the twenty boards can be used?
+# are on one plane at known distances. `find_board` looks for the whole board of 9 × 6 inner corners, and where the
+# frame cuts it off, for the largest part that can be seen. **Predict:** how many of the twenty boards can be used?
 
 # %%
 calibration = calibrate(shipped.boards(), board_wh=(9, 6), square_m=0.024)
@@ -269,31 +277,37 @@ figures.board_errors(calibration.boards, rms_px=calibration.rms_px)
 # RMS does tell how well corners were *located*. The same boards, three corner finders:
 
 # %%
-def opencv_classic(refine):
-    """RMS and principal point with OpenCV's older finder, which knows whole boards only."""
-    board, found = [], []
-    for picture in pictures:
-        grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
-        ok, corners = cv2.findChessboardCorners(grey, (9, 6))
-        if ok:
-            end = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 1e-3)
-            corners = cv2.cornerSubPix(grey, corners, (11, 11), (-1, -1), end) if refine else corners
-            board.append(board_points((9, 6), square_m=0.024))
-            found.append(corners.astype(np.float32).reshape(-1, 1, 2))
-    rms_px, matrix, distortion, _, _ = cv2.calibrateCamera(board, found, true.size_wh, None, None)
-    return len(board), rms_px, Camera(matrix, distortion.ravel()[:5], true.size_wh)
+def classic_corners(picture):
+    """Corners (54, 1, 2) by OpenCV's older finder, as found and refined; None where it sees no whole board."""
+    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+    ok, corners = cv2.findChessboardCorners(grey, (9, 6))
+    if not ok:
+        return None
+    corners = corners.astype(np.float32).reshape(-1, 1, 2)
+    end = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 1e-3)
+    return corners, cv2.cornerSubPix(grey, corners.copy(), (11, 11), (-1, -1), end)
 
+
+found, refined = zip(*filter(None, map(classic_corners, pictures)), strict=True)
 
 # %%
-for name, (count, rms, found) in {
-    "findChessboardCorners": opencv_classic(refine=False),
-    "the same + cornerSubPix": opencv_classic(refine=True),
-    "lanelib (sector based)": (len(used), calibration.rms_px, camera),
-}.items():
-    off = found.camera_matrix[:2, 2] - true.camera_matrix[:2, 2]
-    print(f"{name:24} {count} boards, RMS {rms:.2f} px, centre off by {np.hypot(*off):.1f} px")
+def report(name, count, camera):
+    """What one would print, and what only the truth tells."""
+    off = np.hypot(*(camera.camera_matrix[:2, 2] - true.camera_matrix[:2, 2]))
+    print(f"{name:24} {count} boards, RMS {camera.rms_px:.2f} px, centre off by {off:.1f} px")
+
+
+for name, corners in {"findChessboardCorners": found, "the same + cornerSubPix": refined}.items():
+    board = [board_points((9, 6), square_m=0.024)] * len(corners)
+    rms_px, matrix, distortion, _, _ = cv2.calibrateCamera(board, corners, true.size_wh, None, None)
+    report(name, len(corners), Camera(matrix, distortion.ravel(), true.size_wh, rms_px))
+report("lanelib", len(used), camera)
 
 # %% [markdown]
+# The older finder leaves each corner a quarter of a pixel off; refining the corners cures most of that, and the error
+# of the centre goes with it. Here the smaller RMS *is* the better camera, because nothing but the
+# corners changed.
+#
 # ### What it cannot tell
 #
 # Take three boards at random, calibrate, and look at the RMS. Do that thirty times. **Predict:** are the calibrations
@@ -343,9 +357,8 @@ exercises.check_rms(rms)
 # (c) twenty boards, all held parallel to the sensor, 0.06 px.
 
 # %%
-trusted = ...
 # BEGIN SOLUTION
-# STUB: # write trusted = "a", "b" or "c"
+# STUB: trusted = ...  # "a", "b" or "c"
 trusted = "b"
 # END SOLUTION
 exercises.check_trust(trusted)
@@ -353,9 +366,9 @@ exercises.check_trust(trusted)
 # %% [markdown]
 # ### Try it
 #
-# Step through the boards, or jump to the worst one. The white strokes are the misses of its corners, many times enlarged.
-# Random directions are noise of the finder; strokes that turn together over the board are something the model does not
-# know, a bent sheet for instance. Do you find such a board?
+# Step through the boards, or jump to the worst one. The white strokes are the misses of its corners, many times
+# enlarged. Random directions are noise of the finder; strokes that turn together over the board are something the
+# model does not know, a bent sheet for instance. Do you find such a board?
 
 # %% tags=["nbval-ignore-output"]
 explore.boards(calibration, shipped.boards())
@@ -381,20 +394,20 @@ notebook.say(f"Corners lie **{max(before):.1f} px** (RMS) off straight lines on 
              "the finder's noise.")
 
 # %% alt="A straight road before and after undistortion; they look nearly the same, only near the edges things move."
-frame = read_image(shipped.images()[0])
+frame = read_image(shipped.test_images / "straight_lines1.jpg")
 figures.before_after(frame, camera.undistort(frame))
 
 # %% [markdown]
 # On the road you hardly see it. That is the reason people skip the calibration, and the reason to measure.
 
 # %% alt="The difference of the two pictures: dark in the middle, bright along everything near the edges."
-figures.show(draw.difference(frame, camera.undistort(frame)))
+figures.show(draw.difference(frame, camera.undistort(frame)), width=5.5)
 
 # %% [markdown]
 # ## What a wrong calibration costs
 #
-# Let the true camera look at points on the lines of its lane and on the far line of the next lane, and let wrong cameras
-# say where on the road these are. Everybody knows the mounting; only the camera is wrong:
+# Let the true camera look at points on the lines of its lane and on the far line of the next lane, and let wrong
+# cameras say where on the road these are. Everybody knows the mounting; only the camera is wrong:
 #
 # - **calibrated**: ours, from the boards;
 # - **no lens**: the true $K$, distortion left out;
@@ -465,9 +478,10 @@ f"{half.camera_matrix[0, 0]:.0f} px at {half.size_wh}; fields of the file: {', '
 # ## When it fails
 #
 # - **Few, small or parallel boards**: low RMS, wrong focal length. `calibrate` refuses boards that are all parallel.
-# - **A bent board** (paper on a wall): the lens is blamed for the paper. Glue it to glass or a table top, or calibrate with
-#   `flat=False`, which estimates the shape of the board, too.
-# - **Autofocus, zoom, video stabilisation, a crop for video**: another camera each time. Calibrate in the mode you drive in.
+# - **A bent board** (paper on a wall): the lens is blamed for the paper. Glue it to glass or a table top, or calibrate
+#   with `flat=False`, which estimates the shape of the board, too.
+# - **Autofocus, zoom, video stabilisation, a crop for video**: another camera each time. Calibrate in the mode you
+#   drive in.
 # - **Blur and glare**: corners of a moving board are off along the motion; the set's board 12 is out of focus and is
 #   left out by name.
 # - **More coefficients** lower the RMS on any set of boards and bend the picture where no board was.
@@ -475,18 +489,19 @@ f"{half.camera_matrix[0, 0]:.0f} px at {half.size_wh}; fields of the file: {', '
 # ## How production systems do it
 #
 # Each camera is calibrated at the end of the line in front of fixed targets, and for a wide lens with a model made for
-# it (Kannala and Brandt's, or a spline per pixel), because Brown's polynomial folds over beyond about 45 degrees. On the
-# road the calibration is watched: temperature and a new windscreen move it, and lines, vanishing points and the car's
-# own motion tell. Nobody undistorts whole pictures: the lens is folded into the one table that makes the bird's-eye
-# view (notebook 07), or only the points that matter are undistorted.
+# it (Kannala and Brandt's, or a spline per pixel), because Brown's polynomial folds over beyond about 45 degrees. On
+# the road the calibration is watched: temperature and a new windscreen move it, and lines, vanishing points and the
+# car's own motion tell. Nobody undistorts whole pictures: the lens is folded into the one table that makes the
+# bird's-eye view (notebook 07), or only the points that matter are undistorted.
 #
 # ## Further reading
 #
 # - Z. Zhang, "A flexible new technique for camera calibration" (2000): short, and exactly what OpenCV does.
 # - D. C. Brown, "Close-range camera calibration" (1971): where the five coefficients come from.
-# - R. Hartley and A. Zisserman, *Multiple View Geometry*, chapters 6 to 8: cameras, planes and the homographies between them.
-# - K. H. Strobl and G. Hirzinger, "More accurate pinhole camera calibration with imperfect planar target" (2011): what to
-#   do about paper.
+# - R. Hartley and A. Zisserman, *Multiple View Geometry*, chapters 6 to 8: cameras, planes and the homographies
+#   between them.
+# - K. H. Strobl and G. Hirzinger, "More accurate pinhole camera calibration with imperfect planar target" (2011): what
+#   to do about paper.
 # - T. Schöps and others, "Why having 10,000 parameters in your camera model is better than twelve" (2020): how far
 #   five coefficients are from the end of it.
 #
@@ -497,9 +512,9 @@ f"{half.camera_matrix[0, 0]:.0f} px at {half.size_wh}; fields of the file: {', '
 # 3. You calibrated with 4:3 photographs and drive with 16:9 video of the same telephone. What may be wrong?
 
 # %% [markdown] tags=["answer"]
-# 1. Where the corners lie in the frame (also at the edges?), whether the boards are tilted in different ways, the standard
-#    deviations, and whether straight edges of pictures that were *not* used become straight.
-# 2. A board parallel to the sensor at twice the distance, seen with twice the focal length, gives the same picture: only
-#    the ratio of the two shows. A tilted board shows perspective, which tells them apart.
-# 3. Video is often a crop of the sensor, so the principal point moves, and stabilisation crops and shifts it further from
-#    frame to frame. The aspect ratio differs, which `camera.scaled` refuses; calibrate from the video itself.
+# 1. Where the corners lie in the frame (also at the edges?), whether the boards are tilted in different ways, the
+#    standard deviations, and whether straight edges of pictures that were *not* used become straight.
+# 2. A board parallel to the sensor at twice the distance, seen with twice the focal length, gives the same picture:
+#    only the ratio of the two shows. A tilted board shows perspective, which tells them apart.
+# 3. Video is often a crop of the sensor, so the principal point moves, and stabilisation crops and shifts it further
+#    from frame to frame. The aspect ratio differs, which `camera.scaled` refuses; calibrate from the video itself.

@@ -46,8 +46,8 @@ def results_of(frames):
 def write_clip(path: Path) -> Path:
     frames, _ = drive()
     with VideoWriter(path, size_wh=frames[0].shape[1::-1], fps=25) as writer:
-        for i, frame in enumerate(frames):
-            writer.write(frame, i / 25)
+        for frame in frames:
+            writer.write(frame)
     return path
 
 
