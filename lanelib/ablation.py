@@ -1,6 +1,6 @@
 """What each idea gains: the same frames with one idea taken away at a time, in other light, and with a wrong rig.
 
-    ladder          VARIANTS, from the textbook's pipeline to the project's own, one idea a step
+    variants        VARIANTS, from the textbook's pipeline to the project's own, with and without each idea
     conditions      CONDITIONS, what light, sensor and codec do to a frame
     error budget    from perfect paint and a perfect rig to real ones, one source of error at a time
 
@@ -27,14 +27,14 @@ from lanelib.labels import line_points
 from lanelib.lane import Lane
 from lanelib.result import LaneResult
 from lanelib.rig import Rig, View
-from lanelib.scores import FrameScore, metric_score
+from lanelib.scores import FrameScore, metric_score, pixel_score
 from lanelib.tracking import LaneTracker
 
 # As good as known: a hundredth of what cars do. Zero would leave the prior's covariance without an inverse.
 KNOWN_PITCH_RAD, KNOWN_HILL_1PM = math.radians(0.007), 1 / 600_000
 
 
-# ---------------------------------------------------------------------------------------------- the ladder
+# ---------------------------------------------------------------------------------------------- variants
 class FlatRoadTracker(LaneTracker):
     """A tracker that takes the rig's flat plane for the road: no nod of the car, no hill."""
 
@@ -79,15 +79,17 @@ class Variant:
 CLASSIC = "sobel-or-colour"  # of the three classic recipes the one that loses fewest of the shipped frames
 VARIANTS = (
     Variant("textbook", "a threshold recipe, sliding windows, two lines apart", {"recipe": CLASSIC}),
-    Variant("paint mask", "paint is a ridge, not a bright pixel", {"recipe": "paint", "model": "windows"}),
     Variant(
-        "joint lane, classic mask",
-        "one lane instead of two lines, on the textbook's mask",
+        "paint, two lines", "ridges in place of bright pixels, the rest as before", {"recipe": "paint", "model": "windows"}
+    ),
+    Variant(
+        "textbook's mask, joint lane",
+        "one lane in place of two lines, the mask as in the first",
         {"recipe": CLASSIC, "model": "joint"},
         flat=True,
     ),
-    Variant("joint lane, weighted paint", "a weight for each point instead of yes or no", flat=True),
-    Variant("and pitch, hill", "the car nods, the road is not flat: estimated too"),
+    Variant("paint, joint lane", "both, and a weight for every point in place of yes or no", flat=True),
+    Variant("with pitch and hill", "the car nods, the road is not flat: estimated, too"),
 )
 
 
@@ -158,6 +160,18 @@ def comparison(runs: Mapping[str, Run]) -> str:
             clip = one.evaluation.clips()[0]
             row += [_text(100 * clip.jitter_m, 2), _text(clip.wrong_s, 2)]
         rows.append(row)
+    return table(rows)
+
+
+def by_tag(one: Run) -> str:
+    """A run as a Markdown table with a row per tag: frames, share right, TuSimple, cm at 10, 20, 30 m."""
+    at = [DISTANCES_M.index(d) for d in (10.0, 20.0, 30.0)]
+    rows = [["tag", "frames", "right", "TuSimple", *(f"cm at {DISTANCES_M[i]:.0f} m" for i in at)]]
+    for tag, frames in one.evaluation.by_tag().items():
+        part = Run(replace(one.evaluation, frames=frames, pixels=pixel_score(frames)), one.rows)
+        lateral = metric_score(frames).lateral_m
+        row = [tag, str(len(frames)), _text(part.right, 2), _text(part.evaluation.pixels.tusimple, 2)]
+        rows.append(row + [_text(100 * lateral[i], 1) for i in at])
     return table(rows)
 
 

@@ -192,6 +192,13 @@ def _rig(commands) -> None:
     p.add_argument(
         "--lane-width", type=_positive, default=3.7, metavar="M", help="width of the lane in metres (default 3.7)"
     )
+    p.add_argument(
+        "--dash-period",
+        type=_positive,
+        metavar="M",
+        help="dash and gap together in metres (California 14.63, federal manual 12.19): sets the focal length; "
+        "only with --camera none",
+    )
     p.add_argument("-o", "--output", required=True, type=_path, metavar="RIG", help="the rig, JSON")
     _quiet(p)
 

@@ -94,7 +94,11 @@ def rig(args: argparse.Namespace, console: Console) -> int:
             frames += rigs.frames_of_video(path, MAX_FRAMES_OF_CLIP)
         else:
             frames.append(read_image(path))
-    estimate = find_rig(frames, camera, lane_width_m=args.lane_width, name=args.output.stem)
+    if camera is not None and args.dash_period is not None:
+        raise LanelibError("--dash-period sets the focal length, and --camera gives one already: leave one of them out")
+    estimate = find_rig(
+        frames, camera, lane_width_m=args.lane_width, name=args.output.stem, dash_period_m=args.dash_period
+    )
     console.result(estimate.notes)
     console.result(f"wrote {estimate.rig.save(args.output)}")
     return 0

@@ -31,6 +31,7 @@ __all__ = ["LaneFinder", "LaneResult", "Rig", "View", "confidence_of", "line_at_
 
 MINIMUM_ENERGY = 7.0  # of the joint fit; pictures of noise reach 3 (tests/test_finder.py)
 MINIMUM_ROWS = 7.0  # rows of clear paint on both lines together, of 112: one dash near the car, or two further away
+MINIMUM_CONFIDENCE = 0.08  # lanes in glare and forest have 0.1 and more, specks on a road without paint 0.05
 MODELS = ("joint", "windows")
 
 
@@ -90,7 +91,7 @@ class LaneFinder:
             frame = as_bgr(frame_bgr)
             view = self.view((frame.shape[1], frame.shape[0]))
         except LanelibError as error:
-            return LaneResult(None, "none", str(error))
+            return self._unusable(str(error))
         return self._outcome(frame, view, begin)
 
     def process_yuv420(self, frame_yuv: np.ndarray) -> LaneResult:
@@ -105,10 +106,16 @@ class LaneFinder:
                 raise LanelibError(f"a YUV420p frame has an even width and height, found {width}x{height}")
             view = self.view((width, height))
         except LanelibError as error:
-            return LaneResult(None, "none", str(error))
+            return self._unusable(str(error))
         if self.order != "finder":
             return self._outcome(cv2.cvtColor(frame_yuv, cv2.COLOR_YUV2BGR_I420), view, begin)
         return self._outcome(frame_yuv, view, begin)
+
+    def _unusable(self, reason: str) -> LaneResult:
+        """A frame that cannot be looked at is a missed one: what was known ages."""
+        if self.track:
+            self.tracker.update(None, reason)
+        return LaneResult(None, "none", reason)
 
     def _outcome(self, frame: np.ndarray, view: View, begin: float) -> LaneResult:
         fit, reason, checks = (self._measure_joint if self.model == "joint" else self._measure_windows)(frame, view)
@@ -131,8 +138,19 @@ class LaneFinder:
             channels = paint_channels_yuv(*view.scan_yuv420(frame)) if yuv else paint_channels(view.scan(frame))
             z, picture = evidence_of(*channels, column_m=SCAN_COLUMN_M)
             return view.points(paint_points(z)), picture
-        mask = view.scan_undistorted(self.recipe.function(view.rig.camera.undistort(frame)))
+        mask = view.scan_undistorted(self.mask(frame, view))
         return view.points_of_mask(mask), mask
+
+    def mask(self, frame: np.ndarray, view: View) -> np.ndarray:
+        """The recipe's mask (H, W) uint8 0/255 of the undistorted frame; the project's own recipe is told the
+        rig's horizon
+        and how wide paint is below it."""
+        undistorted = view.rig.camera.undistort(frame)
+        if self.recipe.name != threshold.DEFAULT_RECIPE:
+            return self.recipe.function(undistorted)
+        slope = 0.1 / view.height_m  # paint 0.1 m wide is 0.1 / h times as wide as its depth below the horizon
+        steps = threshold.paint_steps(undistorted, horizon_row=view.rig.birdseye.horizon_row_px, paint_slope=slope)
+        return list(steps.values())[-1]
 
     def _measure_joint(self, frame: np.ndarray, view: View):
         """A fit that passes every test, or None; why not; the checks."""
@@ -178,6 +196,8 @@ class LaneFinder:
                 f"too little paint: {rows:.1f} rows on both lines, {MINIMUM_ROWS:.0f} needed in likely places",
                 (),
             )
+        if confidence_of(fit) < MINIMUM_CONFIDENCE:
+            return None, f"what paint there is does not lie on two lines ({fit.rms_px:.0f} px off on average)", ()
         checks = check_lane(view.lane(fit))
         failed = next((c for c in checks if not c.ok), None)
         if failed:
@@ -186,7 +206,7 @@ class LaneFinder:
 
     # ------------------------------------------------------------------ the classic model
     def _measure_windows(self, frame: np.ndarray, view: View):
-        mask = view.metric.warp(self.recipe.function(view.rig.camera.undistort(frame)))
+        mask = view.metric.warp(self.mask(frame, view))
         last = view.lane(self.tracker.fit) if self.track and self.tracker.fit is not None else None
         pixels = windows.find_pixels(mask, view.metric.grid, (last.left, last.right) if last else None)
         left, right = windows.fit_lines(pixels, view.metric.grid)

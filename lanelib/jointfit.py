@@ -140,9 +140,14 @@ def line_x(y, mean, side):
 
 
 def distance(inverse, mean, height_m):
-    """Real distance y of a point that appears at 1 / ``inverse`` on the rig's flat plane."""
-    q = np.maximum(inverse + mean[PITCH] / height_m, 0.004)
-    return 1 / np.maximum(q + mean[HILL] / (2 * height_m) / q, 0.003)
+    """Real distance y of a point that appears at 1 / ``inverse`` on the rig's flat plane.
+
+    The inverse of ``Surface.flat_from_road``: 1 / y - hill y / (2 height) = q, with q = inverse + pitch / height,
+    is a quadratic equation
+    in y; of its two roots the nearer, y = 2 / (q + sqrt(q^2 + 2 hill / height)).
+    """
+    q = inverse + mean[PITCH] / height_m
+    return 2 / np.maximum(q + np.sqrt(np.maximum(q * q + 2 * mean[HILL] / height_m, 0)), 0.006)
 
 
 def bearing_std(points: Points) -> np.ndarray:

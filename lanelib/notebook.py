@@ -47,7 +47,7 @@ def start(*needs: str):
     try:
         shipped = datasets.get(SET)
     except LanelibError:
-        raise LanelibError(_missing("its pictures", "test_images/rendered")) from None
+        raise LanelibError(_missing("the pictures", f"{datasets.INPUTS[1]}/{SET}")) from None
     found = {
         "boards": (bool(shipped.boards() and shipped.board_truth()), "the chessboards", shipped.camera_cal),
         "images": (bool(shipped.images() and shipped.image_truth()), "the road pictures", shipped.test_images),
@@ -142,8 +142,8 @@ def clip(name: str = "project_video.mp4") -> Clip:
 
 def _fps(truth: list[dict]) -> float:
     """Frames a second, from the times of the first and the last one."""
-    times = [frame.get("time_s") for frame in truth]
-    if None in times or len(times) < 2:
+    times = [float(frame["time_s"]) for frame in truth if "time_s" in frame]
+    if len(times) < 2:
         return FPS
     return (len(times) - 1) / (times[-1] - times[0])
 

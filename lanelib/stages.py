@@ -34,7 +34,7 @@ def stages(frame_bgr: np.ndarray, finder, result=None) -> dict[str, np.ndarray]:
         result = without_memory(finder).process(frame)
     z, _ = paint_evidence(view.scan(frame), column_m=view.grid.column_m)
     undistorted = rig.camera.undistort(frame)
-    mask = finder.recipe.function(undistorted)
+    mask = finder.mask(frame, view)
     grid = view.metric.grid
     birdseye = view.metric.warp(undistorted)
     birdseye_mask = np.where(view.metric.warp(mask) > 127, np.uint8(255), np.uint8(0))

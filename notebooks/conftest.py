@@ -40,7 +40,8 @@ def close(one: str, other: str) -> bool:
     one, other = one.replace("−", "-"), other.replace("−", "-")
     if one.lstrip("+-").isdigit() and other.lstrip("+-").isdigit():
         return int(one) == int(other)
-    return math.isclose(float(one), float(other), rel_tol=RTOL, abs_tol=max(ATOL, min(last_unit(one), last_unit(other))))
+    shown = min(last_unit(one), last_unit(other))
+    return math.isclose(float(one), float(other), rel_tol=RTOL, abs_tol=max(ATOL, shown))
 
 
 def last_unit(number: str) -> float:

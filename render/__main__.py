@@ -7,7 +7,9 @@ from pathlib import Path
 def main():
     parser = argparse.ArgumentParser(prog="python -m render", description=__doc__)
     parser.add_argument("what", choices=["boards", "stills", "rig", "video", "encode", "check", "stats", "all"])
-    parser.add_argument("names", nargs="*", help="pictures (without .jpg) or clips (without .mp4); default: all of them")
+    parser.add_argument(
+        "names", nargs="*", help="pictures (without .jpg) or clips (without .mp4); default: all of them"
+    )
     parser.add_argument("--spp", type=int, help="samples a pixel (boards and stills 24, clips 6)")
     parser.add_argument("--shrink", type=int, default=1, help="render smaller by this factor, for a preview")
     parser.add_argument("--to", type=Path, help="another folder than the shipped one (previews)")
@@ -20,25 +22,32 @@ def main():
     options = {k: v for k, v in (("spp", a.spp), ("shrink", a.shrink), ("force", a.force)) if v is not None}
     if a.what in ("boards", "all"):
         from .boards import render_boards
+
         render_boards(a.names, **options, **({"folder": a.to} if a.to else {}))
     if a.what in ("rig", "all"):
         from .rig import write_rig
+
         write_rig()
     if a.what in ("stills", "all"):
         from .stills import render_stills
+
         render_stills(a.names, **options, **({"folder": a.to} if a.to else {}))
     if a.what in ("video", "all"):
         from .clips import render_clips
+
         options.pop("force")
         render_clips(a.names, frames=a.frames, every=a.every, work=a.to, **options)
     if a.what in ("encode", "all"):
         from .clips import encode_clips
+
         encode_clips(a.names)
     if a.what == "check":
         from .check import check
+
         raise SystemExit(check(a.names))
     if a.what == "stats":
         from .stats import table
+
         table([Path(n) for n in a.names])
 
 

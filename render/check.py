@@ -37,13 +37,21 @@ def check(names=()):
                 mean = float(np.abs(new.astype(float).mean((0, 1)) - old.mean((0, 1))).max())
                 soft = [cv2.GaussianBlur(p.astype(np.float32), (0, 0), 4) for p in (new, old)]
                 local = float(np.percentile(np.abs(soft[0] - soft[1]), 99))
-                truths = [{e["raw_file"]: e for k in ("boards", "frames") for e in json.loads((f / "truth.json").read_text()).get(k, [])}
-                          for f in (folder / kind, shipped)]
+                truths = [
+                    {
+                        e["raw_file"]: e
+                        for k in ("boards", "frames")
+                        for e in json.loads((f / "truth.json").read_text()).get(k, [])
+                    }
+                    for f in (folder / kind, shipped)
+                ]
                 same = _without_visible(truths[0][f"{name}.jpg"]) == _without_visible(truths[1][f"{name}.jpg"])
                 ok = mean < MEAN_GREY_LEVELS and local < BLURRED_GREY_LEVELS and same
                 bad += not ok
-                print(f"{name}: mean differs by {mean:.1f}, 99 % of the blurred picture by less than {local:.1f} grey levels, truth "
-                      f"{'the same' if same else 'DIFFERS'}: {'ok' if ok else 'NOT what was shipped'}")
+                print(
+                    f"{name}: mean differs by {mean:.1f}, 99 % of the blurred picture by less than {local:.1f} "
+                    f"grey levels, truth {'the same' if same else 'DIFFERS'}: {'ok' if ok else 'NOT what was shipped'}"
+                )
     return int(bad > 0)
 
 

@@ -4,6 +4,7 @@ Every frame is a picture and its truth in two files, each written under a tempor
 is not rendered again. So a run can be stopped at any moment and continued, and a part can be encoded as a clip.
 """
 
+import gc
 import json
 import subprocess
 import time
@@ -51,18 +52,28 @@ class Drive:
 
     def lateral(self, t):
         p, amount = self.phase, self.clip.get("wander_m", 0.16)
-        return self.clip["pose"]["d"] + amount * (np.sin(2 * np.pi * 0.07 * t + p[0]) + 0.45 * np.sin(2 * np.pi * 0.17 * t + p[1])
-                                                  + 0.15 * np.sin(2 * np.pi * 0.41 * t + p[2]))
+        return self.clip["pose"]["d"] + amount * (
+            np.sin(2 * np.pi * 0.07 * t + p[0])
+            + 0.45 * np.sin(2 * np.pi * 0.17 * t + p[1])
+            + 0.15 * np.sin(2 * np.pi * 0.41 * t + p[2])
+        )
 
     def pose(self, t) -> CarPose:
         h = 0.01
         drift = (self.lateral(t + h) - self.lateral(t - h)) / (2 * h)
-        return CarPose(self.clip.get("s_start", 0.0) + self.speed * t, float(self.lateral(t)), -float(np.arctan2(drift, self.speed)))
+        return CarPose(
+            self.clip.get("s_start", 0.0) + self.speed * t,
+            float(self.lateral(t)),
+            -float(np.arctan2(drift, self.speed)),
+        )
 
     def mounted(self, t) -> Mounting:
         p, rough = self.phase, self.clip.get("rough", 1.0)
-        pitch = rough * (0.05 * np.sin(2 * np.pi * 1.13 * t + p[3]) + 0.035 * np.sin(2 * np.pi * 1.71 * t + p[4])
-                         + 0.012 * np.sin(2 * np.pi * 4.3 * t + p[5]))
+        pitch = rough * (
+            0.05 * np.sin(2 * np.pi * 1.13 * t + p[3])
+            + 0.035 * np.sin(2 * np.pi * 1.71 * t + p[4])
+            + 0.012 * np.sin(2 * np.pi * 4.3 * t + p[5])
+        )
         lift = rough * 0.004 * np.sin(2 * np.pi * 1.2 * t + p[6])
         for moment, amount in self.clip.get("bumps", []):  # a bump: damped swing at the body's own frequency
             u = t - moment
@@ -86,8 +97,14 @@ def render_clips(names=(), *, spp=6, frames=None, every=1, shrink=1, work=None):
             continue
         folder = (work or WORK) / name.rsplit(".", 1)[0]
         key = scene_key("clip", LOOK, clip, true_lens().to_dict(), spp, shrink)
-        if folder.exists() and (folder / "key.json").exists() and json.loads((folder / "key.json").read_text())["key"] != key:
-            raise SystemExit(f"{folder} holds frames of another description of {name}: move or remove it, then run again")
+        if (
+            folder.exists()
+            and (folder / "key.json").exists()
+            and json.loads((folder / "key.json").read_text())["key"] != key
+        ):
+            raise SystemExit(
+                f"{folder} holds frames of another description of {name}: move or remove it, then run again"
+            )
         write_json(folder / "key.json", {"key": key, "spp": spp, "shrink": shrink})
         drive, fps, world, section = Drive(clip), clip["fps"], None, None
         total = min(frame_count(clip), frames or 10**9)
@@ -96,17 +113,32 @@ def render_clips(names=(), *, spp=6, frames=None, every=1, shrink=1, work=None):
             if picture.exists() and about.exists():
                 continue
             started, cpu, t = time.time(), time.process_time(), i / fps
-            if world is None or section != i // (fps * clip["section_s"]):  # trees near the car in full, section by section
-                section = i // (fps * clip["section_s"])
+            if world is None or section != i // (fps * clip["section_s"]):  # detailed trees only near this section
+                section, world = i // (fps * clip["section_s"]), None
+                gc.collect()  # the last section's meshes, before the next ones are made
                 t0 = section * clip["section_s"]
                 world = World(clip, s_from=drive.pose(t0).s_m, s_to=drive.pose(t0 + clip["section_s"]).s_m, moving=True)
-            frame, truth = shoot(world, drive.pose(t), time_s=t, mounting=drive.mounted(t), spp=spp, seed=i, shrink=shrink,
-                                    raw_file=f"{name}:{i:06d}", tags=_tags(clip, drive.pose(t).s_m), max_depth=clip.get("max_depth", 4),
-                                    end=(drive.pose(t + EXPOSURE_S), drive.mounted(t + EXPOSURE_S)))
+            frame, truth = shoot(
+                world,
+                drive.pose(t),
+                time_s=t,
+                mounting=drive.mounted(t),
+                spp=spp,
+                seed=i,
+                shrink=shrink,
+                raw_file=f"{name}:{i:06d}",
+                tags=_tags(clip, drive.pose(t).s_m),
+                max_depth=clip.get("max_depth", 4),
+                end=(drive.pose(t + EXPOSURE_S), drive.mounted(t + EXPOSURE_S)),
+            )
             truth["time_s"] = round(t, 4)
             write_bytes(about, json.dumps(truth).encode())
             write_bytes(picture, cv2.imencode(".png", frame, [cv2.IMWRITE_PNG_COMPRESSION, 3])[1].tobytes())
-            print(f"{name} frame {i + 1} of {total}: {time.process_time() - cpu:.1f} CPU s, {time.time() - started:.1f} s", flush=True)
+            print(
+                f"{name} frame {i + 1} of {total}: {time.process_time() - cpu:.1f} CPU s, "
+                f"{time.time() - started:.1f} s",
+                flush=True,
+            )
 
 
 def _tags(clip, s):
@@ -129,14 +161,41 @@ def encode_clips(names=()):
             continue
         FOLDER.mkdir(parents=True, exist_ok=True)
         part = FOLDER / f"{name}.part.mp4"
-        subprocess.run([imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-v", "error", "-framerate", str(clip["fps"]), "-i", str(folder / "%06d.png"),
-                        "-frames:v", str(n), "-c:v", "libx264", "-preset", "slow", "-crf", str(CRF), "-pix_fmt", "yuv420p", "-threads", "2",
-                        "-movflags", "+faststart", str(part)], check=True)
+        subprocess.run(
+            [
+                imageio_ffmpeg.get_ffmpeg_exe(),
+                "-y",
+                "-v",
+                "error",
+                "-framerate",
+                str(clip["fps"]),
+                "-i",
+                str(folder / "%06d.png"),
+                "-frames:v",
+                str(n),
+                "-c:v",
+                "libx264",
+                "-preset",
+                "slow",
+                "-crf",
+                str(CRF),
+                "-pix_fmt",
+                "yuv420p",
+                "-threads",
+                "2",
+                "-movflags",
+                "+faststart",
+                str(part),
+            ],
+            check=True,
+        )
         part.replace(FOLDER / name)
         truth = json.loads(truth_path.read_text()) if truth_path.exists() else {"format": "lanelib-truth/1"}
         truth["camera"] = true_lens().to_dict()
         kept = [f for f in truth.get("frames", []) if not f["raw_file"].startswith(f"{name}:")]
-        truth["frames"] = sorted(kept + [json.loads((folder / f"{i:06d}.json").read_text()) for i in range(n)], key=lambda f: f["raw_file"])
+        truth["frames"] = sorted(
+            kept + [json.loads((folder / f"{i:06d}.json").read_text()) for i in range(n)], key=lambda f: f["raw_file"]
+        )
         write_bytes(truth_path, _compact(truth).encode())
         remember(f"test_videos/{name}", key)
         print(f"{name}: {n} of {frame_count(clip)} frames, {(FOLDER / name).stat().st_size / 1e6:.1f} MB", flush=True)
@@ -145,4 +204,6 @@ def encode_clips(names=()):
 def _compact(truth):
     """One frame a line."""
     head = json.dumps({k: v for k, v in truth.items() if k != "frames"})[:-1]
-    return head + ', "frames": [\n' + ",\n".join(json.dumps(f, separators=(",", ":")) for f in truth["frames"]) + "\n]}\n"
+    return (
+        head + ', "frames": [\n' + ",\n".join(json.dumps(f, separators=(",", ":")) for f in truth["frames"]) + "\n]}\n"
+    )

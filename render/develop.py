@@ -8,11 +8,27 @@ def srgb(x):
     return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.power(np.maximum(x, 1e-9), 1 / 2.4) - 0.055)
 
 
-def develop(light, *, exposure=1.0, white_balance=(1, 1, 1), contrast=1.0, saturation=1.0, noise=0.004, seed=0,
-            sharpen=0.4, vignette=0.25, blur_px=0.6, edge_blur_px=0.0, bloom=0.0, shoulder=True, grain_px=0.6, rain=0):
+def develop(
+    light,
+    *,
+    exposure=1.0,
+    white_balance=(1, 1, 1),
+    contrast=1.0,
+    saturation=1.0,
+    noise=0.004,
+    seed=0,
+    sharpen=0.4,
+    vignette=0.25,
+    blur_px=0.6,
+    edge_blur_px=0.0,
+    bloom=0.0,
+    shoulder=True,
+    grain_px=0.6,
+    rain=0,
+):
     """Linear RGB (H, W, 3) to frame_bgr uint8.
 
-    Order as in a camera: lens (bloom, blur growing towards the corners, vignette), sensor (shot and read noise, softened
+    As in a camera: lens (bloom, blur growing towards the corners, vignette), sensor (shot and read noise, softened
     as demosaicing does), colour, tone curve, sharpening. noise is the read noise in units of white.
     """
     rng = np.random.default_rng(seed)

@@ -6,14 +6,41 @@ import numpy as np
 
 from .tracer import diffuse, mesh
 
-LEAVES = {"type": "principledthin", "base_color": {"type": "mesh_attribute", "name": "vertex_color"},
-          "roughness": 0.55, "diff_trans": 1.0, "eta": 1.3}  # light shines through: without it leaves are black
+LEAVES = {
+    "type": "principledthin",
+    "base_color": {"type": "mesh_attribute", "name": "vertex_color"},
+    "roughness": 0.55,
+    "diff_trans": 1.0,
+    "eta": 1.3,
+}  # light shines through: without it leaves are black
 # height, leaf length, number of leaves, colour, trunk share, branch angle, spread of leaves about their twig, droop
 SPECIES = {
-    "oak": dict(h=9.0, leaf=0.085, n=260000, color=(0.130, 0.148, 0.056), angle=(0.42, 0.95), spread=0.027, droop=0.0, trunk=0.17),
-    "gum": dict(h=17.0, leaf=0.12, n=330000, color=(0.155, 0.162, 0.084), angle=(0.28, 0.62), spread=0.022, droop=0.5, trunk=0.24),
-    "bare": dict(h=10.0, leaf=0.09, n=45000, color=(0.170, 0.145, 0.078), angle=(0.36, 0.80), spread=0.018, droop=0.1, trunk=0.20),
-    "pine": dict(h=14.0, leaf=0.11, n=190000, color=(0.060, 0.080, 0.040), angle=None, spread=0.03, droop=0.1, trunk=0.1),
+    "oak": dict(
+        h=9.0,
+        leaf=0.085,
+        n=260000,
+        color=(0.130, 0.148, 0.056),
+        angle=(0.42, 0.95),
+        spread=0.027,
+        droop=0.0,
+        trunk=0.17,
+    ),
+    "gum": dict(
+        h=17.0,
+        leaf=0.12,
+        n=330000,
+        color=(0.155, 0.162, 0.084),
+        angle=(0.28, 0.62),
+        spread=0.022,
+        droop=0.5,
+        trunk=0.24,
+    ),
+    "bare": dict(
+        h=10.0, leaf=0.09, n=45000, color=(0.170, 0.145, 0.078), angle=(0.36, 0.80), spread=0.018, droop=0.1, trunk=0.20
+    ),
+    "pine": dict(
+        h=14.0, leaf=0.11, n=190000, color=(0.060, 0.080, 0.040), angle=None, spread=0.03, droop=0.1, trunk=0.1
+    ),
     "bush": dict(h=2.4, leaf=0.06, n=42000, color=(0.105, 0.115, 0.050), angle=None, spread=0.0, droop=0.0, trunk=0.0),
 }
 THINNER = (1.0, 2.4, 5.5, 14.0, 40.0)  # leaves are this many times fewer (and larger) at each level of detail
@@ -38,9 +65,16 @@ def tree(species: str, variant: int, level: int):
     elif species == "bush":
         p = rng.normal(0, 1, (700, 3))
         p /= np.linalg.norm(p, axis=1, keepdims=True)
-        lump = 1 + 0.28 * np.sin(3.1 * p[:, 0] + variant) * np.cos(2.7 * p[:, 1]) + 0.15 * np.sin(7 * p[:, 2] + p[:, 0] * 5)
-        tips = list(p * lump[:, None] * np.array([0.55, 0.55, 0.45]) * h * rng.uniform(0.6, 1, (700, 1)) + [0, 0, 0.42 * h])
+        lump = (
+            1
+            + 0.28 * np.sin(3.1 * p[:, 0] + variant) * np.cos(2.7 * p[:, 1])
+            + 0.15 * np.sin(7 * p[:, 2] + p[:, 0] * 5)
+        )
+        tips = list(
+            p * lump[:, None] * np.array([0.55, 0.55, 0.45]) * h * rng.uniform(0.6, 1, (700, 1)) + [0, 0, 0.42 * h]
+        )
     else:
+
         def grow(p, direction, length, radius, depth):
             for _ in range(3):
                 direction = direction + rng.normal(0, 0.13, 3) + np.array([0, 0, 0.04])
@@ -56,9 +90,21 @@ def tree(species: str, variant: int, level: int):
                     side -= side @ direction * direction
                     side /= np.linalg.norm(side)
                     turn = rng.uniform(*sp["angle"])
-                    grow(p, direction * np.cos(turn) + side * np.sin(turn), length * rng.uniform(0.66, 0.88), radius * 0.66, depth + 1)
+                    grow(
+                        p,
+                        direction * np.cos(turn) + side * np.sin(turn),
+                        length * rng.uniform(0.66, 0.88),
+                        radius * 0.66,
+                        depth + 1,
+                    )
 
-        grow(np.array([0, 0, -0.2]), np.array([rng.normal(0, 0.06), rng.normal(0, 0.06), 1.0]), h * sp["trunk"], h * 0.026, 0)
+        grow(
+            np.array([0, 0, -0.2]),
+            np.array([rng.normal(0, 0.06), rng.normal(0, 0.06), 1.0]),
+            h * sp["trunk"],
+            h * 0.026,
+            0,
+        )
     tips = np.array(tips)
     scale = h / max(tips[:, 2].max(), 1e-3)
     drop = np.array([0, 0, -0.05 * h * (species in ("oak", "gum"))])  # crowns hang lower than their twigs
@@ -79,8 +125,14 @@ def tree(species: str, variant: int, level: int):
     tone = np.clip(rng.uniform(0.65, 1.4, n) * (1 + 0.16 * clump), 0.3, 2)
     color = np.array(sp["color"])[None] * tone[:, None]
     color[:, 0] *= 1 + 0.12 * clump + rng.normal(0, 0.07, n)
-    return (bark_points * scale, bark_faces, points, np.arange(3 * n).reshape(-1, 3),
-            np.repeat(np.clip(color, 0.008, 0.6), 3, 0))
+    color = np.repeat(np.clip(color, 0.008, 0.6), 3, 0)
+    return (
+        (bark_points * scale).astype(np.float32),
+        bark_faces.astype(np.uint32),
+        points.astype(np.float32),
+        np.arange(3 * n, dtype=np.uint32).reshape(-1, 3),
+        color.astype(np.float32),
+    )
 
 
 def _tubes(segments, sides, thinnest):
@@ -106,7 +158,11 @@ def _tubes(segments, sides, thinnest):
 def tuft(variant: int):
     """A tuft of dry grass: blades of one triangle."""
     rng = np.random.default_rng(50 + variant)
-    n, h, color = 60, (0.32, 0.45, 0.22)[variant % 3], ((0.42, 0.345, 0.20), (0.36, 0.305, 0.175), (0.27, 0.255, 0.13))[variant % 3]
+    n, h, color = (
+        60,
+        (0.32, 0.45, 0.22)[variant % 3],
+        ((0.42, 0.345, 0.20), (0.36, 0.305, 0.175), (0.27, 0.255, 0.13))[variant % 3],
+    )
     base = np.c_[rng.normal(0, 0.16, (n, 2)), np.zeros(n)]
     top = base + np.c_[rng.normal(0, 0.12, (n, 2)), rng.uniform(0.4, 1.1, n) * h]
     wide = np.c_[rng.normal(0, 0.008, (n, 2)), np.zeros(n)]
@@ -126,14 +182,15 @@ class Garden:
     def plant(self, species, at, *, away_m, variant=0, size=1.0, turn=0.0, tone=1.0, simpler=0):
         level = min(len(THINNER) - 1, int(np.searchsorted(LEVEL_FROM_M, away_m)) + simpler)
         bark, bark_faces, leaf, leaf_faces, color = tree(species, variant, level)
-        m = size * np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+        m = size * np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]], np.float32)
+        at = np.float32(at)
         self.bark.append((bark @ m.T + at, bark_faces))
-        self.leaves.append((leaf @ m.T + at, leaf_faces, color * tone * BRIGHTER))
+        self.leaves.append((leaf @ m.T + at, leaf_faces, color * np.float32(tone * BRIGHTER)))
         self.triangles += len(bark_faces) + len(leaf_faces)
 
     def grass(self, at, *, variant, size):
         points, faces, color = tuft(variant)
-        self.leaves.append((points * size + at, faces, color))
+        self.leaves.append(((points * size + at).astype(np.float32), faces.astype(np.uint32), color.astype(np.float32)))
         self.triangles += len(faces)
 
     def meshes(self) -> dict:
@@ -149,4 +206,6 @@ class Garden:
 
 def _merge(parts):
     start = np.cumsum([0] + [len(p[0]) for p in parts])
-    return np.vstack([p[0] for p in parts]), np.vstack([p[1] + k for p, k in zip(parts, start, strict=False)])
+    return np.vstack([p[0] for p in parts]), np.vstack(
+        [p[1] + np.uint32(k) for p, k in zip(parts, start, strict=False)]
+    )

@@ -31,11 +31,23 @@ def hidden_test(scene, world_from_car, mounting):
 
 def light_of(mitsuba_scene, pose4, *, spp, seed, shrink=1, end_pose=None, max_depth=5, denoise=True, clamp=30.0):
     """(light, depth): denoised linear RGB and mean distance (0 for the sky)."""
-    out = trace(mitsuba_scene, true_lens(), pose4, spp=spp, seed=seed, aovs="a:albedo,n:sh_normal,d:depth", shrink=shrink,
-                end_pose=end_pose, max_depth=max_depth, clamp=clamp)
+    out = trace(
+        mitsuba_scene,
+        true_lens(),
+        pose4,
+        spp=spp,
+        seed=seed,
+        aovs="a:albedo,n:sh_normal,d:depth",
+        shrink=shrink,
+        end_pose=end_pose,
+        max_depth=max_depth,
+        clamp=clamp,
+    )
     light, albedo, normal, depth = out[..., :3], np.clip(out[..., 3:6], 0, 1), out[..., 6:9], out[..., 9]
     if denoise:
-        light = mitsuba_oidn.denoise(np.ascontiguousarray(light), np.ascontiguousarray(albedo), np.ascontiguousarray(normal), hdr=True)
+        light = mitsuba_oidn.denoise(
+            np.ascontiguousarray(light), np.ascontiguousarray(albedo), np.ascontiguousarray(normal), hdr=True
+        )
     return np.asarray(light), depth
 
 
@@ -46,14 +58,33 @@ def haze(light, depth, air):
     color = np.array(air["rgb"]) if "rgb" in air else None
     if color is None:
         rows = np.flatnonzero(sky.mean(1) > 0.2)
-        band = light[rows[-1] - max(2, len(rows) // 12):rows[-1] + 1] if len(rows) else light
-        color = np.median(band[sky[rows[-1] - max(2, len(rows) // 12):rows[-1] + 1]], 0) if len(rows) else light.mean((0, 1))
+        band = light[rows[-1] - max(2, len(rows) // 12) : rows[-1] + 1] if len(rows) else light
+        color = (
+            np.median(band[sky[rows[-1] - max(2, len(rows) // 12) : rows[-1] + 1]], 0)
+            if len(rows)
+            else light.mean((0, 1))
+        )
     keep = np.exp(-3.0 * depth / visibility)[..., None]
-    return np.where(sky[..., None], light, light * keep + color * (1 - keep) * air.get("brightness", 0.85)).astype(np.float32)
+    return np.where(sky[..., None], light, light * keep + color * (1 - keep) * air.get("brightness", 0.85)).astype(
+        np.float32
+    )
 
 
-def shoot(world, pose: CarPose, *, spp=24, seed=0, shrink=1, raw_file="", tags=(), time_s=None, mounting=None, end=None,
-          max_depth=5, keep=None):
+def shoot(
+    world,
+    pose: CarPose,
+    *,
+    spp=24,
+    seed=0,
+    shrink=1,
+    raw_file="",
+    tags=(),
+    time_s=None,
+    mounting=None,
+    end=None,
+    max_depth=5,
+    keep=None,
+):
     """(frame_bgr, truth) of one moment.
 
     end: pose and mounting at the end of the exposure. keep: a file for the light before it is developed (float16), so
@@ -63,8 +94,15 @@ def shoot(world, pose: CarPose, *, spp=24, seed=0, shrink=1, raw_file="", tags=(
     mounting = mounting or mounting_of(scene)
     loaded = world.load(pose, time_s=time_s, mounting=mounting)
     m = pose.world_from_car(world.road)
-    light, depth = light_of(loaded, camera_pose(m, mounting), spp=spp, seed=seed, shrink=shrink, max_depth=max_depth,
-                            end_pose=None if end is None else camera_pose(end[0].world_from_car(world.road), end[1]))
+    light, depth = light_of(
+        loaded,
+        camera_pose(m, mounting),
+        spp=spp,
+        seed=seed,
+        shrink=shrink,
+        max_depth=max_depth,
+        end_pose=None if end is None else camera_pose(end[0].world_from_car(world.road), end[1]),
+    )
     truth = truth_of(world, pose, mounting, loaded, raw_file, tags)
     dr.flush_malloc_cache()
     if keep is not None:
@@ -78,10 +116,24 @@ def truth_of(world, pose, mounting=None, loaded=None, raw_file="", tags=()):
     lens, (left, right) = true_lens(), lane_of(world.scene)
     mounting, loaded = mounting or mounting_of(world.scene), loaded or world.load(pose)
     hidden = hidden_test(loaded, pose.world_from_car(world.road), mounting)
-    return frame_truth(world.road, pose, mounting, lens.camera_matrix, lens.distortion, lens.size_wh, left, right,
-                       raw_file=raw_file, tags=tags, h_samples=H_SAMPLES, hidden=hidden)
+    return frame_truth(
+        world.road,
+        pose,
+        mounting,
+        lens.camera_matrix,
+        lens.distortion,
+        lens.size_wh,
+        left,
+        right,
+        raw_file=raw_file,
+        tags=tags,
+        h_samples=H_SAMPLES,
+        hidden=hidden,
+    )
 
 
 def redevelop(light, depth, scene, seed):
     """The air and the camera: from traced light to frame_bgr."""
-    return develop(haze(light.astype(np.float32), depth.astype(np.float32), scene.get("air", {})), seed=seed, **scene["camera"])
+    return develop(
+        haze(light.astype(np.float32), depth.astype(np.float32), scene.get("air", {})), seed=seed, **scene["camera"]
+    )

@@ -21,8 +21,11 @@ def _entries(folder: Path):
     for parent in folder.parents:
         if (parent / "labels.jsonl").exists():
             lines = [json.loads(t) for t in (parent / "labels.jsonl").read_text().splitlines() if t.strip()]
-            return [(folder / Path(e["raw_file"]).name, e["h_samples"], *e["lanes"]) for e in lines
-                    if (folder / Path(e["raw_file"]).name).exists()]
+            return [
+                (folder / Path(e["raw_file"]).name, e["h_samples"], *e["lanes"])
+                for e in lines
+                if (folder / Path(e["raw_file"]).name).exists()
+            ]
     return []
 
 
@@ -43,14 +46,22 @@ def measure(path, rows, left, right):
         edges.append(gradient[row, a:b])
         for x in (x0, x1):
             half = 0.06 * (x1 - x0)
-            near = bgr[row, int(max(0, x - half)):int(min(w, x + half)) + 1].max(-1).astype(float)
+            near = bgr[row, int(max(0, x - half)) : int(min(w, x + half)) + 1].max(-1).astype(float)
             if len(near):
                 contrast.append(near.max() - np.median(bgr[row, a:b].max(-1)))
     road, noise, edges = (np.concatenate(v) if v else np.array([np.nan]) for v in (road, noise, edges))
     p = np.percentile(road, [5, 50, 95])
-    return {"road 5 %": p[0], "road 50 %": p[1], "road 95 %": p[2], "paint - road (90 %)": np.percentile(contrast, 90) if contrast else np.nan,
-            "fine sd on road": noise.std(), "gradient 50 %": np.percentile(edges, 50), "gradient 95 %": np.percentile(edges, 95),
-            "sharpness (Laplacian var)": cv2.Laplacian(grey, cv2.CV_32F).var(), "sky grey": np.median(grey[: h // 6])}
+    return {
+        "road 5 %": p[0],
+        "road 50 %": p[1],
+        "road 95 %": p[2],
+        "paint - road (90 %)": np.percentile(contrast, 90) if contrast else np.nan,
+        "fine sd on road": noise.std(),
+        "gradient 50 %": np.percentile(edges, 50),
+        "gradient 95 %": np.percentile(edges, 95),
+        "sharpness (Laplacian var)": cv2.Laplacian(grey, cv2.CV_32F).var(),
+        "sky grey": np.median(grey[: h // 6]),
+    }
 
 
 def table(folders):
@@ -59,7 +70,15 @@ def table(folders):
     columns = {}
     for folder in folders:
         rows = [measure(*e) for e in _entries(folder) if e[0].exists()]
-        columns[f"{folder.parent.name}/{folder.name} ({len(rows)})"] = {k: np.array([r[k] for r in rows]) for k in rows[0]} if rows else {}
+        columns[f"{folder.parent.name}/{folder.name} ({len(rows)})"] = (
+            {k: np.array([r[k] for r in rows]) for k in rows[0]} if rows else {}
+        )
     print("| | " + " | ".join(columns) + " |\n|---" * 1 + "|---" * len(columns) + "|")
     for k in next(iter(columns.values())):
-        print(f"| {k} | " + " | ".join(f"{np.nanmedian(c[k]):.1f} ({np.nanmin(c[k]):.1f} .. {np.nanmax(c[k]):.1f})" for c in columns.values()) + " |")
+        print(
+            f"| {k} | "
+            + " | ".join(
+                f"{np.nanmedian(c[k]):.1f} ({np.nanmin(c[k]):.1f} .. {np.nanmax(c[k]):.1f})" for c in columns.values()
+            )
+            + " |"
+        )

@@ -55,8 +55,17 @@ def render_stills(names=None, *, spp=24, force=False, shrink=1, folder=FOLDER):
                 frame = redevelop(z["light"], z["depth"], scene, seed)
             truth = truth_of(World(scene), pose, raw_file=name, tags=scene["tags"])
         else:
-            frame, truth = shoot(World(scene), pose, spp=samples, seed=seed, shrink=shrink, raw_file=name, tags=scene["tags"],
-                                 max_depth=6, keep=kept)
+            frame, truth = shoot(
+                World(scene),
+                pose,
+                spp=samples,
+                seed=seed,
+                shrink=shrink,
+                raw_file=name,
+                tags=scene["tags"],
+                max_depth=6,
+                keep=kept,
+            )
         write_jpeg(folder / name, frame, scene.get("quality", 92))
         update_truth(folder / "truth.json", "frames", truth, order)
         if shrink == 1 and folder == FOLDER:

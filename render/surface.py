@@ -74,13 +74,22 @@ def road_albedo(s, d, fd, fs, c):
     lane = lane - dr.floor(lane / LANE_M) * LANE_M - LANE_M / 2
     tracks = dr.exp(-dr.square((dr.abs(lane) - 0.82) / 0.28))
     middle = dr.exp(-dr.square(lane / 0.35))
-    grey = (0.034 + 0.055 * age) * (1 + 0.15 * grain + 0.055 * coarse + 0.02 * blotch + 0.05 * streak + 0.04 * broad
-                                    + (0.12 * age - 0.03) * tracks * (1 + 0.4 * streak)
-                                    - 0.14 * oil * middle * (1 + 0.4 * streak + 0.3 * blotch))
+    grey = (0.034 + 0.055 * age) * (
+        1
+        + 0.15 * grain
+        + 0.055 * coarse
+        + 0.02 * blotch
+        + 0.05 * streak
+        + 0.04 * broad
+        + (0.12 * age - 0.03) * tracks * (1 + 0.4 * streak)
+        - 0.14 * oil * middle * (1 + 0.4 * streak + 0.3 * blotch)
+    )
     tint = (1.0, 0.985, 0.965) if age > 0.3 else (0.97, 0.985, 1.03)
     color = mi.Color3f(*[grey * t for t in tint])
     for p in c.get("patches", []):  # a strip of other asphalt: age of its own
-        inside = _between(s, p["from"], p["to"], fs) * _between(d, p["left"] + 0.01 * blotch, p["right"] + 0.01 * blotch, fd)
+        inside = _between(s, p["from"], p["to"], fs) * _between(
+            d, p["left"] + 0.01 * blotch, p["right"] + 0.01 * blotch, fd
+        )
         other = (0.034 + 0.055 * p["age"]) * (1 + 0.18 * grain + 0.12 * coarse + 0.05 * streak)
         color = _mix(color, mi.Color3f(other * 0.98, other * 0.985, other), inside)
         rim = _stripe(d - p["left"] - 0.01 * blotch, 0.018, fd) + _stripe(d - p["right"] - 0.01 * blotch, 0.018, fd)
@@ -89,7 +98,9 @@ def road_albedo(s, d, fd, fs, c):
         slab = dr.floor(s / 4.57)
         number = dr.sin(slab * 12.9898 + dr.floor((d + LANE_M / 2) / LANE_M) * 78.2) * 43758.5
         shade = 0.93 + 0.14 * (number - dr.floor(number))
-        stain = dr.clip(0.46 * tracks * (0.6 + 0.9 * streak) + 0.34 * middle * (0.8 + 0.7 * streak) + 0.16 * streak, 0, 0.8)
+        stain = dr.clip(
+            0.46 * tracks * (0.6 + 0.9 * streak) + 0.34 * middle * (0.8 + 0.7 * streak) + 0.16 * streak, 0, 0.8
+        )
         stain *= 0.75 + 0.25 * dr.clip(broad, -1, 1)
         blot = dr.clip(0.8 * broad + 0.9 * streak + 0.25 * blotch - 1.2, 0, 1) * 0.3
         base = 0.265 * (1 + 0.08 * grain + 0.05 * coarse + 0.03 * blotch + 0.10 * streak + 0.09 * broad)
@@ -104,8 +115,10 @@ def road_albedo(s, d, fd, fs, c):
             where = dr.maximum(where, _between(s, start + 0.05 * blotch, end + 0.05 * blotch, fs))
         color = _mix(color, mi.Color3f(base, base * 0.97, base * 0.90), where)
     for t in c.get("tar", []):  # sealed cracks and seams along the road
-        wobble = t.get("wobble", 0.05) * (_noise((seed + 7, 12.0, 40.0), s, s * 0 + t["d"] * 3.1, 41.0, 9.0)
-                                          + 0.25 * _noise((seed + 8, 3.0, 40.0), s, s * 0 + t["d"], 23.0, 9.0))
+        wobble = t.get("wobble", 0.05) * (
+            _noise((seed + 7, 12.0, 40.0), s, s * 0 + t["d"] * 3.1, 41.0, 9.0)
+            + 0.25 * _noise((seed + 8, 3.0, 40.0), s, s * 0 + t["d"], 23.0, 9.0)
+        )
         line = _stripe(d - t["d"] - wobble, t.get("width", 0.05) / 2 * (1 + 0.25 * blotch), fd)
         line *= _between(s, t.get("from", -1e4), t.get("to", 1e4), fs)
         if t.get("broken", False):
@@ -121,7 +134,9 @@ def road_albedo(s, d, fd, fs, c):
         color = _mix(color, mi.Color3f(0.018), 0.8 * crack)
     # wear: fine times coarse noise, a soft threshold: chipped paint with the aggregate showing
     chips = 0.9 * _noise((seed + 21, 1.3, 1.3), s, d, 1.9, 1.9) * _fade(fs, 0.012)
-    chips += 0.8 * _noise((seed + 22, 4.0, 3.0), s, d, 9.0, 7.0) + 0.55 * _noise((seed + 23, 20.0, 20.0), s, d, 43.0, 17.0)
+    chips += 0.8 * _noise((seed + 22, 4.0, 3.0), s, d, 9.0, 7.0) + 0.55 * _noise(
+        (seed + 23, 20.0, 20.0), s, d, 43.0, 17.0
+    )
     edge = _noise((seed + 24, 2.0, 2.0), s, d, 3.1, 3.1) * 0.005
     dirt = 1 - 0.09 * blotch - 0.10 * dr.clip(coarse, -1, 1)
     for m in c.get("markings", []):
@@ -157,7 +172,9 @@ def road_roughness(s, d, fs, c):
     seed = c.get("seed", 0)
     lane = d + LANE_M / 2
     lane = lane - dr.floor(lane / LANE_M) * LANE_M - LANE_M / 2
-    water = 0.7 * _noise((seed + 4, 40.0, 2.5), s, d, 190.0, 14.3) + 0.8 * _noise((seed + 5, 9.0, 9.0), s, d, 67.0, 41.0)
+    water = 0.7 * _noise((seed + 4, 40.0, 2.5), s, d, 190.0, 14.3) + 0.8 * _noise(
+        (seed + 5, 9.0, 9.0), s, d, 67.0, 41.0
+    )
     water += 0.5 * _noise((seed + 3, 5.0, 5.0), s, d, 17.0, 13.0)
     water += 1.0 * dr.exp(-dr.square((dr.abs(lane) - 0.82) / 0.3))  # it stands in the wheel tracks
     return dr.clip(0.55 - 0.16 * c["wet"] * (0.6 + water), c.get("smoothest", 0.2), 0.7)
@@ -168,8 +185,13 @@ def ground_albedo(p, f, c):
     seed = c.get("seed", 0) + 100
     fine = _noise((seed, 1.2, 1.2), p.x, p.y, 4.3, 4.3) * _fade(f, 0.03)
     tufts = _noise((seed + 1, 5.0, 5.0), p.x, p.y, 19.0, 19.0) * _fade(f, 0.4)
-    field = _noise((seed + 2, 12.0, 12.0), p.x, p.y, 130.0, 130.0) + 0.6 * _noise((seed + 3, 12.0, 12.0), p.x, p.y, 41.0, 41.0)
-    dry, green = mi.Color3f(*c.get("dry_rgb", (0.255, 0.200, 0.112))), mi.Color3f(*c.get("green_rgb", (0.085, 0.10, 0.035)))
+    field = _noise((seed + 2, 12.0, 12.0), p.x, p.y, 130.0, 130.0) + 0.6 * _noise(
+        (seed + 3, 12.0, 12.0), p.x, p.y, 41.0, 41.0
+    )
+    dry, green = (
+        mi.Color3f(*c.get("dry_rgb", (0.255, 0.200, 0.112))),
+        mi.Color3f(*c.get("green_rgb", (0.085, 0.10, 0.035))),
+    )
     clumps = _noise((seed + 4, 2.0, 2.0), p.x, p.y, 37.0, 37.0) * _fade(f, 0.3)
     share = dr.clip(c.get("green", 0.2) + 0.26 * field + 0.16 * tufts + 0.10 * clumps, 0, 1)
     color = _mix(dry, green, share) * (1 + 0.26 * fine + 0.14 * tufts + 0.24 * clumps + 0.10 * field)
@@ -223,5 +245,12 @@ def procedural(kind: str, config: dict) -> dict:
 def road_bsdf(surface: dict) -> dict:
     """The road's material from the scene's `surface` table."""
     rough = procedural("road_roughness", surface) if surface.get("wet") else surface.get("roughness", 0.7)
-    return {"type": "twosided", "b": {"type": "principled", "base_color": procedural("road_albedo", surface),
-                                      "roughness": rough, "specular": surface.get("specular", 0.35)}}
+    return {
+        "type": "twosided",
+        "b": {
+            "type": "principled",
+            "base_color": procedural("road_albedo", surface),
+            "roughness": rough,
+            "specular": surface.get("specular", 0.35),
+        },
+    }

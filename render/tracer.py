@@ -6,13 +6,18 @@ filter by importance sampling, so all weights are 1); motion blur takes the pose
 """
 
 import glob
+import json
 import os
 import re
 
+from .lens import Lens
+
 if "DRJIT_LIBLLVM_PATH" not in os.environ:  # Debian's LLVM 14 and 15 do not work with Mitsuba 3.9, 19 does
-    found = [(int(re.search(r"libLLVM[-.]?(?:so\.)?(\d+)", p)[1]), p) for p in
-             glob.glob("/usr/lib/*/libLLVM*.so*") + glob.glob("/usr/lib/llvm-*/lib/libLLVM*.so*")
-             if re.search(r"libLLVM[-.]?(?:so\.)?(\d+)", p)]
+    found = [
+        (int(re.search(r"libLLVM[-.]?(?:so\.)?(\d+)", p)[1]), p)
+        for p in glob.glob("/usr/lib/*/libLLVM*.so*") + glob.glob("/usr/lib/llvm-*/lib/libLLVM*.so*")
+        if re.search(r"libLLVM[-.]?(?:so\.)?(\d+)", p)
+    ]
     found = [f for f in found if f[0] >= 16]
     if found:
         os.environ["DRJIT_LIBLLVM_PATH"] = min(found, key=lambda f: abs(f[0] - 19))[1]
@@ -23,8 +28,6 @@ import numpy as np
 
 mi.set_variant("llvm_ad_rgb")
 dr.set_thread_count(int(os.environ.get("RENDER_THREADS", "2")))
-
-from .lens import Lens
 
 FILTER_SD_PX = 0.42  # a Gaussian of this width is about what a sharp lens and a square pixel give together
 
@@ -49,8 +52,20 @@ def unproject(u, v, lens: Lens, steps: int = 5):
     return x, y
 
 
-def trace(scene, lens: Lens, world_from_camera: np.ndarray, *, spp: int, seed: int = 0, max_depth: int = 5,
-          end_pose: np.ndarray | None = None, aovs: str = "", clamp: float = 50.0, per_pass: int = 8, shrink: int = 1):
+def trace(
+    scene,
+    lens: Lens,
+    world_from_camera: np.ndarray,
+    *,
+    spp: int,
+    seed: int = 0,
+    max_depth: int = 5,
+    end_pose: np.ndarray | None = None,
+    aovs: str = "",
+    clamp: float = 50.0,
+    per_pass: int = 8,
+    shrink: int = 1,
+):
     """Linear RGB (H, W, 3) float32, and with aovs (as Mitsuba's `aov` integrator names them) their channels as well.
 
     world_from_camera (4, 4): camera axes x right, y down, z ahead. end_pose: the pose at the end of the exposure.
@@ -88,8 +103,10 @@ def trace(scene, lens: Lens, world_from_camera: np.ndarray, *, spp: int, seed: i
 
 
 def _posed(pose, d):
-    rows = [float(pose[i, 0]) * d.x + float(pose[i, 1]) * d.y + float(pose[i, 2]) * d.z for i in range(3)]
-    return mi.Vector3f(*rows), mi.Point3f(*[float(pose[i, 3]) for i in range(3)])
+    """Direction and origin in the world; opaque numbers, so that the next frame's pose needs no new kernel."""
+    m = [[dr.opaque(mi.Float, float(pose[i, j])) for j in range(4)] for i in range(3)]
+    rows = [m[i][0] * d.x + m[i][1] * d.y + m[i][2] * d.z for i in range(3)]
+    return mi.Vector3f(*rows), mi.Point3f(*[m[i][3] for i in range(3)])
 
 
 def mesh(name: str, points, faces, bsdf: dict, *, uv=None, colors=None, smooth: bool = False):
@@ -97,8 +114,9 @@ def mesh(name: str, points, faces, bsdf: dict, *, uv=None, colors=None, smooth: 
     properties = mi.Properties()
     properties["mesh_bsdf"] = mi.load_dict(bsdf) if isinstance(bsdf, dict) else bsdf
     points, faces = np.asarray(points, np.float32), np.asarray(faces, np.uint32)
-    m = mi.Mesh(name, len(points), len(faces), has_vertex_texcoords=uv is not None, has_vertex_normals=smooth,
-                props=properties)
+    m = mi.Mesh(
+        name, len(points), len(faces), has_vertex_texcoords=uv is not None, has_vertex_normals=smooth, props=properties
+    )
     if colors is not None:
         m.add_attribute("vertex_color", 3, np.asarray(colors, np.float32).ravel())
     params = mi.traverse(m)
@@ -112,9 +130,55 @@ def mesh(name: str, points, faces, bsdf: dict, *, uv=None, colors=None, smooth: 
     return m
 
 
+def box(x0, x1, y0, y1, z0, z1):
+    """(points, faces) of a box."""
+    p = np.array([[x, y, z] for x in (x0, x1) for y in (y0, y1) for z in (z0, z1)])
+    f = np.array(
+        [
+            [0, 1, 3],
+            [0, 3, 2],
+            [4, 6, 7],
+            [4, 7, 5],
+            [0, 4, 5],
+            [0, 5, 1],
+            [2, 3, 7],
+            [2, 7, 6],
+            [0, 2, 6],
+            [0, 6, 4],
+            [1, 5, 7],
+            [1, 7, 3],
+        ]
+    )
+    return p, f
+
+
+def by_material(parts):
+    """One mesh per material."""
+    groups = {}
+    for p, f, bsdf in parts:
+        groups.setdefault(json.dumps(bsdf), []).append((p, f))
+    out = []
+    for bsdf, group in groups.items():
+        start = np.cumsum([0] + [len(p) for p, _ in group])
+        out.append(
+            mesh(
+                "m",
+                np.vstack([p for p, _ in group]),
+                np.vstack([f + k for (_, f), k in zip(group, start, strict=False)]),
+                json.loads(bsdf),
+            )
+        )
+    return out
+
+
 def bitmap(values, **options) -> dict:
     """A raw (linear) float texture; row 0 is v = 0 (seen in Mitsuba 3.9)."""
-    return {"type": "bitmap", "bitmap": mi.Bitmap(np.ascontiguousarray(values, dtype=np.float32)), "raw": True, **options}
+    return {
+        "type": "bitmap",
+        "bitmap": mi.Bitmap(np.ascontiguousarray(values, dtype=np.float32)),
+        "raw": True,
+        **options,
+    }
 
 
 def grid_faces(rows: int, columns: int) -> np.ndarray:
@@ -133,10 +197,21 @@ def diffuse(color) -> dict:
 
 
 def glossy(color, roughness=0.5, specular=0.5, metallic=0.0, clearcoat=0.0) -> dict:
-    return {"type": "twosided", "b": {"type": "principled", "base_color": rgb(color), "roughness": roughness,
-                                      "specular": specular, "metallic": metallic, "clearcoat": clearcoat,
-                                      "clearcoat_gloss": 0.9}}
+    return {
+        "type": "twosided",
+        "b": {
+            "type": "principled",
+            "base_color": rgb(color),
+            "roughness": roughness,
+            "specular": specular,
+            "metallic": metallic,
+            "clearcoat": clearcoat,
+            "clearcoat_gloss": 0.9,
+        },
+    }
 
 
-VERTEX_COLOR = {"type": "twosided", "b": {"type": "diffuse",
-                                          "reflectance": {"type": "mesh_attribute", "name": "vertex_color"}}}
+VERTEX_COLOR = {
+    "type": "twosided",
+    "b": {"type": "diffuse", "reflectance": {"type": "mesh_attribute", "name": "vertex_color"}},
+}

@@ -10,6 +10,7 @@ import pytest
 from conftest import ROOT
 from roads import rig_of_scene
 
+from lanelib import autorig
 from lanelib.autorig import find_rig
 from lanelib.camera import Camera
 from lanelib.dashes import dash_period
@@ -100,6 +101,16 @@ def test_two_lanes_are_not_taken_for_one():
     a_scene = scene(Mounting(2.2, -1.0, 0, 2.0), pose=CarPose(3.0, -0.1))
     found = find_rig(pictures(a_scene), camera_of(a_scene), lane_width_m=LANE_M)
     assert found.height_m == pytest.approx(2.2, rel=0.02)
+
+
+@pytest.mark.parametrize("aside, below", [(-40, 70), (30, -60)])
+def test_climbs_to_the_road_from_a_vote_drawn_aside(monkeypatch, aside, below):
+    """As in a curve: a vanishing point 4 degrees off, further than the joint fit takes for a nod."""
+    a_scene = scene(Mounting(1.5, 4.0), lens=(0,) * 5)
+    u, v = autorig.vanishing_point(rig_of_scene(a_scene))
+    monkeypatch.setattr(autorig, "candidates", lambda pictures: [((u + aside, v + below), 1.4)])
+    _, rig = autorig.search(pictures(a_scene), camera_of(a_scene), "climbed")
+    assert np.abs(np.subtract(autorig.vanishing_point(rig), (u, v))).max() < 8
 
 
 def test_a_clip_averages_nods_and_weaving():

@@ -1,5 +1,7 @@
 """doubleline.py: of a double line the inner one is the boundary; single and worn lines are left where they are."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -45,6 +47,16 @@ def test_the_boundary_is_the_inner_line(side, apart):
     found = inward(fit_along(LANE), picture_of(*lines, single(-side)), GRID)
     assert found[(side + 1) // 2] == pytest.approx(shift, abs=0.03)
     assert found[(1 - side) // 2] == 0
+
+
+@pytest.mark.parametrize("beside", [-0.06, 0.06])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_it_is_found_from_a_fit_beside_the_stripes_middle(side, beside):
+    """The fit lies 6 cm to one side of both stripes: the inner line is where it is all the same."""
+    lines, shift = double(side)
+    fitted = fit_along(replace(LANE, centre=LANE.centre + beside))
+    found = inward(fitted, picture_of(*lines, single(-side)), GRID)[(side + 1) // 2]
+    assert found == pytest.approx(shift + side * beside, abs=0.035)
 
 
 @pytest.mark.parametrize("width", [0.08, 0.12, 0.16])

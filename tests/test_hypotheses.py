@@ -68,6 +68,16 @@ def test_clutter_does_not_hide_it(lane, seed):
     assert not differ(best_fit(joined(p, clutter)).mean, lane.mean)
 
 
+@pytest.mark.parametrize("radius_m", [-60, 45, -35, 30])
+def test_a_hairpin_is_found(radius_m):
+    """Bends so tight that they leave the view within 20 m, as a straight Hough line would never see them."""
+    lane = Lane7(0.2, 0.05, -1 / (2 * radius_m), width=3.5)
+    p = points_on_lane(lane, y_m=np.linspace(0.55 * abs(radius_m), 4, 80))
+    found = best_fit(p)
+    at = np.array([4.0, 8, 12])
+    assert max(np.abs(line_x(at, found.mean, s) - lane.x(at, s)).max() for s in (-1, 1)) < 0.15
+
+
 def test_each_hypothesis_is_another_lane():
     """Three lanes side by side: 3.6 m each, the middle one ours."""
     ours = Lane7(width=3.6, heading=0.01)

@@ -95,7 +95,7 @@ def test_notebooks_from_a_source():
         nbformat.validate(notebook)
         assert len({cell.id for cell in notebook.cells}) == len(notebook.cells)
     assert [cell.cell_type for cell in solved.cells] == ["markdown", "code", "code", "markdown"]
-    assert solved.cells[3].source == "because"
+    assert solved.cells[3].source == "**Answer**\n\nbecause"
     assert [cell.cell_type for cell in learner.cells] == ["markdown", "code", "code", "markdown", "markdown"]
     assert "return 3" not in learner.cells[2].source and "return 3" in learner.cells[3].source
     assert learner.cells[4].source.startswith("<details>") and "because" in learner.cells[4].source
@@ -126,6 +126,19 @@ def test_a_changed_cell_is_out_of_step(tmp_path, monkeypatch):
     assert len(tool.out_of_step(path)) == 2
     path.write_text(TEXT.replace('["a", "b"]', '["a"]'))
     assert len(tool.out_of_step(path)) == 2
+
+
+def test_outputs_are_kept_where_only_text_changed():
+    old = source.solved_notebook(source.parse(TEXT), "03_x")
+    for count, cell in enumerate([cell for cell in old.cells if cell.cell_type == "code"], 1):
+        cell.execution_count = count
+        cell.outputs = [nbformat.v4.new_output("stream", name="stdout", text=str(count))]
+    new = source.solved_notebook(source.parse(TEXT.replace("because", "therefore\n# \n# more")), "03_x")
+    assert source.with_outputs_of(new, old)
+    assert [cell.outputs[0].text for cell in new.cells if cell.cell_type == "code"] == ["1", "2"]
+    other = source.solved_notebook(source.parse(TEXT.replace("x = 1", "x = 2")), "03_x")
+    assert not source.with_outputs_of(other, old)
+    assert not source.with_outputs_of(source.solved_notebook(source.parse(TEXT.replace('"b"]', '"c"]')), "03_x"), old)
 
 
 def test_stored_outputs_are_tidied():

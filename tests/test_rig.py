@@ -172,10 +172,10 @@ def test_points_are_bearings():
     for shift in (-1, 0, 1):
         scan[p.row, np.clip(column + shift, 0, scan.shape[1] - 1)] = 255
     seen = view.points_of_mask(scan)
-    assert (seen.n_rows, seen.height_m, seen.focal_px) == (136, view.height_m, view.focal_px)
+    assert (seen.n_rows, seen.height_m, seen.focal_px) == (len(view.grid.y_m), view.height_m, view.focal_px)
     assert view.focal_px == pytest.approx(1042)
     found = fit(seen, lane.mean)
-    assert found.support.sum() > 150
+    assert found.support.sum() > 0.8 * len(view.grid.y_m)
     assert abs(found.mean[0] - 0.2) < 0.02
 
 
@@ -187,7 +187,7 @@ def test_the_middle_of_a_mask_is_its_middle(width):
     mask[:, 200 : 200 + width] = 255
     seen = view.points_of_mask(mask)
     column = view.grid.column_of(seen.bearing / seen.inverse)
-    assert len(column) >= 130
+    assert len(column) >= 0.95 * len(mask)
     np.testing.assert_allclose(column, 200 + (width - 1) / 2, atol=0.1)
 
 

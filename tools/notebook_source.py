@@ -186,7 +186,11 @@ def with_navigation(cells: list[Cell], stem: str) -> list[Cell]:
 
 def solved_notebook(cells: list[Cell], stem: str) -> nbformat.NotebookNode:
     """The solved notebook, not yet run."""
-    return _notebook([replace(c, text=solved_text(c)) for c in with_navigation(cells, stem)], stem)
+    out = []
+    for cell in with_navigation(cells, stem):
+        text = f"**Answer**\n\n{cell.text}" if ANSWER in cell.tags else solved_text(cell)
+        out.append(replace(cell, text=text))
+    return _notebook(out, stem)
 
 
 def learner_notebook(cells: list[Cell], stem: str) -> nbformat.NotebookNode:
@@ -215,6 +219,16 @@ def same_cells(one: nbformat.NotebookNode, other: nbformat.NotebookNode) -> bool
     """Whether two notebooks have the same cells, whatever their outputs."""
     essence = lambda nb: [(c.cell_type, c.source, c.metadata.get("tags", []), c.id) for c in nb.cells]  # noqa: E731
     return essence(one) == essence(other)
+
+
+def with_outputs_of(notebook: nbformat.NotebookNode, stored: nbformat.NotebookNode) -> bool:
+    """Take outputs and counts of a stored notebook over, where every code cell is the same; whether that was so."""
+    code, old = ([c for c in nb.cells if c.cell_type == "code"] for nb in (notebook, stored))
+    if [(c.source, c.metadata) for c in code] != [(c.source, c.metadata) for c in old]:
+        return False
+    for cell, before in zip(code, old, strict=True):
+        cell.outputs, cell.execution_count = before.outputs, before.execution_count
+    return True
 
 
 def read(path: Path) -> list[Cell]:

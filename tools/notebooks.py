@@ -5,7 +5,8 @@ One source, notebooks/source/NN_name.py, makes two notebooks:
     notebooks/NN_name.ipynb            solved, run top to bottom in a fresh kernel, outputs stored
     notebooks/learner/NN_name.ipynb    stubs instead of solutions, answers folded away, not run
 
-`build --learner` makes only the learner's (quick); `run-learner NN` runs it in a fresh kernel and stores nothing.
+`build --text` keeps the stored outputs where only text changed; `build --learner` makes only the learner's;
+`run-learner NN` runs it in a fresh kernel and stores nothing.
 """
 
 import argparse
@@ -39,18 +40,19 @@ def sources(numbers=()) -> list[Path]:
     return [path for path in found if not numbers or path.name.startswith(tuple(numbers))]
 
 
-def build(path: Path, *, learner_only: bool = False) -> str:
+def build(path: Path, *, learner_only: bool = False, text_only: bool = False) -> str:
     """Both notebooks of a source; returns what was done in a line."""
     cells = source.read(path)
     _write(source.learner_notebook(cells, path.stem), LEARNER / f"{path.stem}.ipynb")
     if learner_only:
         return f"{path.stem}: wrote the learner's notebook"
-    began = time.perf_counter()
-    notebook = run(source.solved_notebook(cells, path.stem), BOOKS, path.stem)
+    began, notebook, book = time.perf_counter(), source.solved_notebook(cells, path.stem), BOOKS / f"{path.stem}.ipynb"
+    if not (text_only and book.exists() and source.with_outputs_of(notebook, nbformat.read(book, 4))):
+        notebook = run(notebook, BOOKS, path.stem)
     linked = source.with_navigation(cells, path.stem)
     described = {made.id: cell.alt for made, cell in zip(notebook.cells, linked, strict=True)}
-    size = _write(tidy(notebook, described), BOOKS / f"{path.stem}.ipynb")
-    return f"{path.stem}: {len(cells)} cells run in {time.perf_counter() - began:.0f} s, {size / 1000:.0f} kB"
+    size = _write(tidy(notebook, described), book)
+    return f"{path.stem}: {len(cells)} cells in {time.perf_counter() - began:.0f} s, {size / 1000:.0f} kB"
 
 
 def run(notebook, folder: Path, name: str):
@@ -122,6 +124,7 @@ def main(argv=None) -> int:
     parser.add_argument("command", choices=("build", "check", "run-learner"))
     parser.add_argument("numbers", nargs="*", metavar="NN", help="00 to 08; all if none is given")
     parser.add_argument("--learner", action="store_true", help="build: only the learner's notebooks")
+    parser.add_argument("--text", action="store_true", help="build: do not run what only changed in text")
     args = parser.parse_args(argv)
     try:
         paths = sources(args.numbers)
@@ -133,7 +136,7 @@ def main(argv=None) -> int:
             return 1 if found else 0
         for path in paths:
             if args.command == "build":
-                print(build(path, learner_only=args.learner), flush=True)
+                print(build(path, learner_only=args.learner, text_only=args.text), flush=True)
             else:
                 run(source.learner_notebook(source.read(path), path.stem), LEARNER, path.stem)
                 print(f"{path.stem}: the learner's notebook runs top to bottom")

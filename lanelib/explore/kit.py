@@ -33,6 +33,8 @@ STYLE = """<style>
 .lx .lx-code {font-family: var(--jp-code-font-family, monospace); font-size: 12px; line-height: 1.45; overflow-x: auto; user-select: text;
   margin: 6px 0 0; padding: 8px 10px; background: var(--jp-layout-color2, #eee); color: var(--jp-content-font-color1, #000);}
 .lx .widget-image {border-radius: 3px;}
+.lx .widget-box, .lx > .widget-html, .lx .widget-image {margin: 0;}
+.lx .lx-unseen {position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%);}
 .lx .noUi-handle:focus-visible, .lx button:focus-visible, .lx select:focus-visible {outline: 3px solid #0072b2; outline-offset: 1px;}
 </style>"""
 CONTROL = {"flex": "1 1 300px", "max_width": "440px", "min_width": "260px"}
@@ -101,11 +103,12 @@ class Explorer(W.VBox):
         shown = [control for name, control in self.controls.items() if name not in hidden]
         panel = W.Box([*shown, *buttons], layout=W.Layout(width="100%"))
         panel.add_class("lx-controls")
-        self.pane = W.Box([self.picture], layout=W.Layout(width="100%"), tooltip=alt or title)  # an Image takes no tooltip
+        self.pane = W.Box([self.picture], layout=W.Layout(width="100%"))
         picture = self.pane
         if beside is not None:
             picture = W.Box([beside, self.pane], layout=W.Layout(width="100%", flex_flow="row", align_items="flex-start"))
-        head = W.HTML(f'{STYLE}<div class="lx-title">{html.escape(title)}</div>')
+        about = f'<div class="lx-unseen">Picture: {html.escape(alt)}</div>' if alt else ""  # an Image has no alt text
+        head = W.HTML(f'{STYLE}<div class="lx-title">{html.escape(title)}</div>{about}')
         super().__init__([head, panel, picture, *below, self.numbers], layout=W.Layout(width="100%"))
         self.add_class("lx")
         for control in self.controls.values():

@@ -17,6 +17,7 @@ from lanelib.explore.chart import Curve, line_chart
 from lanelib.explore.detection import lane_readings, stacked
 from lanelib.explore.kit import Explorer, button, choice, counter
 from lanelib.explore.look import WIDTH_PX, Look, Reading
+from lanelib.explore.player import Player
 from lanelib.finder import LaneFinder
 from lanelib.result import LaneResult
 from lanelib.rig import Rig
@@ -147,9 +148,8 @@ def scrub_clip(clip: Clip, *, stages_offered: Sequence[str] = STAGES) -> Explore
     last = len(clip) - 1
     number = counter("frame", 0, 0, max(last, 1))
     number.max = last
-    play = W.Play(value=0, min=0, max=last, interval=80, description="play", tooltip="play the clip", show_repeat=True)
-    play.layout.width = "auto"
-    W.jslink((play, "value"), (number, "value"))
+    player = Player(last=last, layout=W.Layout(width="auto"))
+    W.jslink((player, "value"), (number, "value"))
     visited = [-1]
 
     def jump(step: int):
@@ -160,11 +160,12 @@ def scrub_clip(clip: Clip, *, stages_offered: Sequence[str] = STAGES) -> Explore
         return scrub_look(clip, **state)
 
     buttons = [
-        play,
+        player,
         button("Back", lambda: explorer.set(number=max(0, number.value - 1)), tip="one frame back"),
         button("On", lambda: explorer.set(number=min(last, number.value + 1)), tip="one frame on"),
         button("Next worst", lambda: jump(1), tip="the worst moment of the clip, then the next one"),
     ]
     controls = {"number": number, "stage": choice("stage", tuple(stages_offered), stages_offered[0])}
     explorer = Explorer("Video scrubber", make, controls, buttons=buttons, alt="a frame of the clip, and the clip's course")
+    number.observe(lambda change: player.set_trait("answered", change["new"]), "value")  # after the explorer's answer
     return explorer

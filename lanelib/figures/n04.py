@@ -41,7 +41,7 @@ def checks(rows: Mapping[str, tuple]) -> Figure:
     """The outcome of each sanity check (`lane.Check`, columns) for each lane (rows), the value found in its cell."""
     names = list(dict.fromkeys(check.name for row in rows.values() for check in row))
     table = np.full((len(rows), len(names)), np.nan)
-    figure, a = plt.subplots(figsize=(WIDTH_IN, 0.42 * len(rows) + 0.9), layout="constrained")
+    figure, a = plt.subplots(figsize=(8.6, 0.36 * len(rows) + 0.7), layout="constrained")
     texts = []
     for i, row in enumerate(rows.values()):
         for check in row:

@@ -410,7 +410,7 @@ exercises.check_seconds_to_line(seconds_to_line)
 #   sorts out which parts every lane finder has.
 # - A. Bar Hillel et al., *Recent progress in road and lane detection: a survey* (2014): what was hard then is hard now.
 # - E. Dickmanns and B. Mysliwetz, *Recursive 3-D road and relative ego-state recognition* (1992): a clothoid and a
-#   Kalman filter at 100 km/h, on the computers of 1992.
+#   Kalman filter at motorway speed, on the computers of the day.
 # - R. Hartley and A. Zisserman, *Multiple View Geometry* (2004), chapter 2 and 8: planes, homographies, horizons.
 #
 # ## Three questions

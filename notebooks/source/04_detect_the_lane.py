@@ -297,8 +297,8 @@ figures.bars({way: radius / 1000 for way, radius in radii_m.items()} | {"truth":
 
 # %% [markdown]
 # Expected: about 0.45 km. Values of several km, or of a hundred, mean mixed units: 8,000 m on such a bend is a bug, not
-# an inaccuracy. The ways in metres look harmless here, and note that the last one is right by luck: the caption of the
-# next fit below tells the radii of the two lines. Averaging radii is not harmless as soon as one line is nearly
+# an inaccuracy. The ways in metres are of the right size; what they lack is a better right line, not other units (the legend
+# of the figure after next tells the radius of each line). Yet averaging radii is a trap, as soon as one line is nearly
 # straight: curvatures of 1 and 0.06 per km (a bend of 1 km, one line badly seen) have the mean 0.53 per km, which is a
 # radius of 1.9 km, and bad enough. Their radii are 1 km and 16.7 km, with the mean **8.8 km**. A straight road has no
 # radius at all, but it has a curvature: 0. So: average curvatures, never radii.
@@ -421,16 +421,16 @@ for side, lines in zip(("left, solid", "right, dashed"), zip(*runs, strict=True)
 # Eight shipped frames, the same way, with the "paint" recipe of notebook 02.
 
 # %%
-print("frame              curvature (truth), 1/km   offset (truth), m   worse line at 20 m")
+print("frame              curvature (truth), 1/km   offset (truth), m   worse line at 30 m")
 for n in masks:
     pair, entry = two_lines(read_image(shipped.test_images / n)), truth[n]
-    this, off = Lane(*pair), np.abs(np.array([line.x(20) for line in pair]) - true_x(entry, 20)).max()
+    this, off = Lane(*pair), np.abs(np.array([line.x(30) for line in pair]) - true_x(entry, 30)).max()
     print(f"{n:19}{1000 * this.curvature_1pm:+9.2f}  ({1000 * entry['curvature_1pm']:+.2f})"
           f"{this.offset_m:+14.2f}  ({entry['offset_m']:+.2f}){off:13.2f} m")
 
 # %% [markdown]
-# Offsets and lines at 20 m are right to a centimetre or two: on clean frames the classic way is good. But on most bends the
-# curvature is too large, by up to a fifth. Noise would err in both directions. Let us fit a parabola to the *truth* itself, over the same 40 m.
+# Offsets are right to a centimetre or two, and lines 30 m ahead mostly to a few: on clean frames the classic way is good.
+# But on most bends the curvature is too large, by up to a fifth. Noise would err in both directions. Let us fit a parabola to the *truth* itself, over the same 40 m.
 
 # %%
 for n in ("test1.jpg", "test2.jpg", "test6.jpg"):
@@ -483,7 +483,7 @@ outcome = {what: check_lane(Lane(*two_lines(picture)), before if "last" in what 
            for what, picture in broken.items()}
 
 # %% alt="Eight simulated frames: a good lane, one with the right line missing, a narrow path, a frame with the nose down, two stitched from different bends, a hairpin and a shifted one."
-figures.show({what: picture for what, picture in broken.items()}, columns=4)
+figures.show(broken, columns=4, width=8.5)
 
 # %% alt="A table of eight frames by six checks with the value found; failures are marked: width for the next lane's line and the path, parallel for the nose down, several for the stitched frames and the hairpin, no jump for the last."
 n04.checks(outcome)
@@ -523,7 +523,7 @@ print("checks that the two lines fail:", [check.name for check in check_lane(sep
 # %% [markdown]
 # On the right two dashes were found, the nearer one more than 10 m ahead. The parabola passes both within centimetres; but
 # those centimetres, the smear of two dashes, decide on three numbers, and where there is no paint the line goes where it
-# likes: half a metre too far right at the car, and bent the wrong way. And every check passes: width, bend
+# likes: half a metre too far right at the car, and nearly straight. And every check passes: width, bend
 # and parallelism are within their limits.
 #
 # But we know more than the fit does. **The two lines of a lane have the same heading and the same bend, and are a width

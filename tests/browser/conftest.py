@@ -110,6 +110,7 @@ def open_and_run(browser, url: str, address: str, *, width: int = 1200):
     """A page with a notebook of which every cell was run. It keeps what went wrong: ``page.faults`` (of the page),
     ``page.outside`` (requests that left the machine), and in the page ``_kernelErrors``."""
     page = browser.new_page(viewport={"width": width, "height": 1000})
+    page.set_default_timeout(15_000)
     page.faults, page.outside = [], []
     page.on("pageerror", lambda error: page.faults.append(str(error)))
     page.on("console", lambda message: page.faults.append(message.text) if message.type == "error" else None)

@@ -1,0 +1,131 @@
+"""Checkers of notebook 02."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from lanelib.exercises.judges import array, first_failed, function, never_raises, not_yet, right
+from lanelib.exercises.verdict import Verdict
+from lanelib.road import Marking
+from lanelib.simulator import Scene, render_road
+
+NEEDED = 0.55  # of precision and recall each: the better half of what simple recipes reach, and no more
+
+
+@never_raises
+def check_precision_recall(answer):
+    """(precision, recall) of a mask against the paint, both arrays in which 0 is no and anything else is yes."""
+    rng = np.random.default_rng(3)
+    paint = (rng.random((40, 60)) < 0.1).astype(np.uint8) * 255
+    mask = np.where(rng.random((40, 60)) < 0.7, paint, 0)
+    mask[rng.random((40, 60)) < 0.05] = 255
+    precision, recall = _score(mask, paint)
+
+    def judge(value, expected):
+        values = np.asarray(value, float).ravel() if np.size(value) == 2 else None
+        if values is not None and np.allclose(values, expected[::-1], rtol=1e-6):
+            return not_yet("these are the two, but exchanged: precision divides by the mask, recall by the paint")
+        if values is not None and (values > 1.001).any():
+            return not_yet("a share is at most 1; count pixels that are not 0, do not add up their 255s (which wrap)")
+        if values is not None and np.allclose(values, values[0]) and not np.allclose(expected, expected[0]):
+            return not_yet("both are the same; the hits are divided by the mask once, and once by the paint")
+        return array(value, expected, rel=1e-6)
+
+    return function(answer, [((mask, paint), np.array([precision, recall]))], judge)
+
+
+@never_raises
+def check_ridge(answer):
+    """Centre minus the brighter side, for a row of uint8 and a distance in pixels; both ends repeat the last pixel."""
+    rng = np.random.default_rng(4)
+    cases = []
+    for distance in (2, 5):
+        row = rng.integers(0, 255, 60).astype(np.uint8)
+        padded = np.pad(row.astype(float), distance, mode="edge")
+        cases.append((row, distance, row - np.maximum(padded[: -2 * distance], padded[2 * distance :])))
+
+    def judge(value, expected, distance):
+        values = np.asarray(value)
+        inner = slice(distance, -distance)
+        if values.shape == expected.shape:
+            if values.dtype == np.uint8 or (values.min(initial=0) >= 0 and expected.min() < 0):
+                return not_yet("no value is below 0: uint8 wraps around (3 - 5 is 254); convert to float or int first")
+            row, padded = judge.row, np.pad(judge.row.astype(float), distance, mode="edge")
+            left, right_side = padded[: -2 * distance], padded[2 * distance :]
+            for hint, other in {
+                "compare with the brighter side, not with the mean of both: a step is no ridge": (left + right_side) / 2,
+                "compare with the brighter side, not with the darker one": np.minimum(left, right_side),
+                "compare with both sides, not with the left one only": left,
+                "compare with both sides, not with the right one only": right_side,
+            }.items():
+                if np.allclose(values[inner].astype(float), (row - other)[inner]):
+                    return not_yet(hint)
+            return array(values[inner], expected[inner], unit="grey levels", rel=1e-6)
+        return array(value, expected)
+
+    verdict: Verdict = right()
+    for row, distance, expected in cases:
+        judge.row = row
+        judged = function(answer, [((row, distance), expected)], judge, distance=distance)
+        verdict = first_failed(verdict, judged)
+    return verdict
+
+
+@never_raises
+def check_yellow(answer):
+    """A mask of yellow paint, (H, W, 3) BGR in, that must hold in the sun and at half the light."""
+    for light, when in ((1.0, "in the sun"), (0.4, "at 0.4 times the light")):
+        frame, yellow, road = (part.copy() for part in _yellow_road(light))
+        given = frame.copy()
+        verdict = function(answer, [((given,), yellow)], _shape_of_mask)
+        if not verdict:
+            return verdict
+        mask = np.asarray(answer(given)) != 0
+        precision, recall = _score(mask & road, yellow)
+        if precision >= NEEDED and recall >= NEEDED:
+            continue
+        other = np.asarray(answer(np.ascontiguousarray(frame[..., ::-1]))) != 0
+        if min(_score(other & road, yellow)) >= NEEDED:
+            return not_yet("it works on RGB; frames here are BGR: frame_bgr[:, :, 0] is blue")
+        found = f"{when} precision is {precision:.2f} and recall {recall:.2f}, {NEEDED} each is needed"
+        if recall >= NEEDED:
+            return not_yet(f"{found}: too much passes; white paint or grey road, too?")
+        more = "a fixed number that fits the sun does not fit the shade; compare with the brightness" if light < 1 else \
+            "too little passes; which channels of yellow are high, which is low?"  # fmt: skip
+        return not_yet(f"{found}: {more}")
+    return right("it holds at 0.4 times the light, too")
+
+
+def _shape_of_mask(value, yellow) -> Verdict:
+    values = np.asarray(value)
+    if values.shape != yellow.shape:
+        return array(values, yellow.astype(float))
+    if len(np.unique(values)) > 2:
+        return not_yet(f"a mask has two values, found {len(np.unique(values))}; compare with a number")
+    return right()
+
+
+def _score(mask: np.ndarray, paint: np.ndarray) -> tuple[float, float]:
+    on, painted = mask != 0, paint != 0
+    hits = (on & painted).sum()
+    return float(hits / max(on.sum(), 1)), float(hits / max(painted.sum(), 1))
+
+
+@lru_cache(maxsize=4)
+def _yellow_road(light: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A simulated frame with a yellow and a white line, where its yellow paint is, and where the road is judged."""
+    line = Marking(-1.83, "yellow", width_m=0.15, wear=0.0)
+    scene = Scene(left=line, right=Marking(1.83, "white", width_m=0.15, wear=0.0), light=light, noise=2.0, seed=8)
+    frame, truth = render_road(scene)
+    height, width = frame.shape[:2]
+    yellow, road = np.zeros((height, width), bool), np.zeros((height, width), bool)
+    columns = np.arange(width)
+    rows = np.arange(230, 340)
+    left, right_line = (np.interp(rows, truth["h_samples"], x) for x in truth["lanes"])
+    per_m = (right_line - left) / truth["lane_width_m"]
+    yellow[rows] = np.abs(columns - left[:, None]) <= (0.075 * per_m + 0.3)[:, None]
+    near = (columns > (left - per_m)[:, None]) & (columns < (right_line + per_m)[:, None])
+    road[rows] = near & ~((np.abs(columns - left[:, None]) <= (0.075 * per_m + 1.5)[:, None]) & ~yellow[rows])
+    return frame, yellow, road

@@ -1,0 +1,133 @@
+"""Figures of notebook 02: profiles across the lane, channels ranked, masks against the true paint, recipes compared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+
+from lanelib.channels import CHANNELS
+from lanelib.draw import PALETTE, SERIES
+from lanelib.figures.pictures import thresholds
+from lanelib.figures.style import INK, WIDTH_IN, in_style
+from lanelib.threshold import SIDE_DISTANCE
+
+MARKERS = "osD^vP"
+
+
+def masks(frame_bgr, by_name: Mapping[str, np.ndarray], truth, *, rows: slice = slice(390, 690), columns: int = 2):
+    """`figures.thresholds` of the road alone: ``truth`` is a `explore.PaintTruth`; what lies outside its road is not
+    judged and not shown."""
+    judged = {name: ((np.asarray(mask) != 0) & truth.road)[rows] for name, mask in by_name.items()}
+    return thresholds(frame_bgr[rows], judged, paint=truth.paint[rows], columns=columns)
+
+
+@in_style
+def profiles(frames: Mapping[str, np.ndarray], truths: Sequence, row: int) -> Figure:
+    """Brightness (R + G) / 2 and yellow min(R, G) - B along one row of several frames; true paint is shaded."""
+    figure, axes = plt.subplots(len(frames), 1, figsize=(WIDTH_IN, 1.45 * len(frames) + 0.5), layout="constrained",
+                                sharex=True, sharey=True)  # fmt: skip
+    for a, (name, frame), truth in zip(np.atleast_1d(axes), frames.items(), truths, strict=True):
+        blue, green, red = frame[row].astype(float).T
+        x = np.arange(len(red))
+        a.fill_between(x, 0, 255, where=truth.paint[row], color=PALETTE["paint"], alpha=0.55, linewidth=0,
+                       label="true paint")  # fmt: skip
+        a.plot(x, (red + green) / 2, color=INK, linewidth=1.1, label="brightness")
+        a.plot(x, np.minimum(red, green) - blue, color=PALETTE["none"], linewidth=1.1, linestyle="--", label="yellow")
+        a.set(ylim=(-30, 255), ylabel="grey levels", xlim=(150, 1150))
+        a.set_title(name, fontsize=9.5)
+    figure.legend(*np.atleast_1d(axes)[0].get_legend_handles_labels(), loc="outside upper right", ncols=3)
+    np.atleast_1d(axes)[-1].set_xlabel(f"column of row {row}, px")
+    return figure
+
+
+def separation(values: np.ndarray, paint: np.ndarray, road: np.ndarray) -> float:
+    """Chance that a pixel of paint has a higher value than a pixel of the road beside it (the area under the ROC
+    curve): 1 separates by some threshold, 0.5 tells nothing, 0 separates the other way round."""
+    of_paint, of_road = values[paint], values[road & ~paint]
+    below = np.searchsorted(np.sort(of_road), of_paint, side="left")
+    upto = np.searchsorted(np.sort(of_road), of_paint, side="right")
+    return float(((below + upto) / 2).mean() / len(of_road))
+
+
+@in_style
+def separations(frames: Mapping[str, np.ndarray], paints: Sequence, roads: Sequence, names: Sequence[str]) -> Figure:
+    """`separation` of channels (rows) on several paints (columns) as a table of shades."""
+    table = np.array([[max(s, 1 - s) for s in (separation(CHANNELS[name](frame), paint, road)
+                       for frame, paint, road in zip(frames.values(), paints, roads, strict=True))]
+                      for name in names])  # fmt: skip
+    figure, a = plt.subplots(figsize=(1.45 * len(frames) + 1.6, 0.31 * len(names) + 1.1), layout="constrained")
+    a.imshow(table, cmap="cividis", vmin=0.5, vmax=1, aspect="auto")
+    for (i, j), value in np.ndenumerate(table):
+        a.text(j, i, f"{value:.2f}", ha="center", va="center", color="white" if value < 0.8 else "black", fontsize=9)
+    a.set_xticks(range(len(frames)), list(frames))
+    a.set_yticks(range(len(names)), names)
+    a.tick_params(length=0, labelcolor=INK, labelsize=9)
+    a.xaxis.tick_top()
+    a.grid(False)
+    return figure
+
+
+@in_style
+def best_thresholds(values: Mapping[str, np.ndarray], truths: Sequence, *, low: int = 60) -> Figure:
+    """F1, the harmonic mean of precision and recall, over the threshold of one channel, for several frames."""
+    figure, a = plt.subplots(figsize=(7.5, 3.6), layout="constrained")
+    levels = np.arange(low, 256)
+    for i, ((name, channel), truth) in enumerate(zip(values.items(), truths, strict=True)):
+        on_paint = np.bincount(channel[truth.paint], minlength=256)[::-1].cumsum()[::-1]
+        on_road = np.bincount(channel[truth.road], minlength=256)[::-1].cumsum()[::-1]
+        f1 = 2 * on_paint / (on_road + truth.paint.sum())
+        colour = SERIES[i % len(SERIES)]
+        a.plot(levels, f1[levels], color=colour, label=name)
+        best = int(f1.argmax())
+        a.plot(best, f1[best], MARKERS[i % len(MARKERS)], color=colour, markersize=8)
+    a.set(xlabel="threshold", ylabel="F1 of the mask", title="one channel, one threshold: the best one is marked",
+          ylim=(0, 1))  # fmt: skip
+    a.legend(loc="upper left")
+    return figure
+
+
+@in_style
+def precision_and_recall(scores: Mapping[str, Mapping[str, tuple[float, float]]], hard: Sequence[str]) -> Figure:
+    """Recipes as points: ``scores`` {recipe: {frame: (precision, recall)}}; frames in ``hard`` are hollow. Upper right
+    is good."""
+    figure, a = plt.subplots(figsize=(6.2, 4.6), layout="constrained")
+    for i, (recipe, by_frame) in enumerate(scores.items()):
+        colour, marker = SERIES[i % len(SERIES)], MARKERS[i % len(MARKERS)]
+        for frame, (precision, recall) in by_frame.items():
+            face = "white" if frame in hard else colour
+            a.plot(recall, precision, marker, color=colour, markerfacecolor=face, markersize=7, markeredgewidth=1.4)
+        a.plot([], [], marker, color=colour, label=recipe, markersize=7)
+    a.plot([], [], "o", color=INK, markerfacecolor="white", label="hollow: hard frames")
+    a.set(xlim=(0, 1.03), ylim=(0, 1.03), xlabel="recall: how much of the paint is found",
+          ylabel="precision: how much of the mask is paint", aspect="equal")  # fmt: skip
+    a.legend(loc="upper left", bbox_to_anchor=(1.02, 1))
+    return figure
+
+
+@in_style
+def ridge_along_row(brightness: np.ndarray, response: np.ndarray, paint: np.ndarray, width_px: int) -> Figure:
+    """One row: brightness with the boxes that are compared at the first paint, and the normalised ridge; true paint
+    shaded, the threshold dashed."""
+    figure, (a, b) = plt.subplots(2, 1, figsize=(WIDTH_IN, 4.2), layout="constrained", sharex=True)
+    x = np.arange(len(brightness))
+    for axes, top in ((a, 255), (b, 4)):
+        axes.fill_between(x, 0, top, where=paint, color=PALETTE["paint"], alpha=0.55, linewidth=0, label="true paint")
+    a.plot(x, brightness, color=INK, linewidth=1.1)
+    painted = np.flatnonzero(paint)
+    first_run = np.split(painted, np.flatnonzero(np.diff(painted) > 1) + 1)[0]
+    middle = float(first_run.mean()) if len(painted) else len(x) / 2
+    for shift, name in ((-SIDE_DISTANCE, "l"), (0, "c"), (SIDE_DISTANCE, "r")):
+        at = middle + shift * width_px
+        a.axvspan(at - width_px / 2, at + width_px / 2, 0.86, 0.94, color=PALETTE["accent"])
+        a.text(at, 229, name, ha="center", va="center", fontsize=8, fontweight="bold")
+    b.plot(x, np.clip(response, -0.5, 4), color=PALETTE["estimate"], linewidth=1.3)
+    b.axhline(1, color=PALETTE["none"], linestyle="--", linewidth=1.2)
+    b.annotate("1: paint", (1, 1), xycoords=("axes fraction", "data"), xytext=(-4, 3), textcoords="offset points",
+               ha="right", color=PALETTE["none"])  # fmt: skip
+    a.set(ylabel="brightness", ylim=(0, 255), xlim=(150, 1150))
+    b.set(ylabel="ridge", ylim=(-0.5, 4), xlabel="column, px")
+    a.legend(loc="lower left", bbox_to_anchor=(0, 1))
+    return figure
