@@ -79,9 +79,7 @@ class Variant:
 CLASSIC = "sobel-or-colour"  # of the three classic recipes the one that loses fewest of the shipped frames
 VARIANTS = (
     Variant("textbook", "a threshold recipe, sliding windows, two lines apart", {"recipe": CLASSIC}),
-    Variant(
-        "paint, two lines", "ridges in place of bright pixels, the rest as before", {"recipe": "paint", "model": "windows"}
-    ),
+    Variant("paint, two lines", "ridges in place of bright pixels, the rest as before", {"model": "windows"}),
     Variant(
         "textbook's mask, joint lane",
         "one lane in place of two lines, the mask as in the first",

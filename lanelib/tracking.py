@@ -23,11 +23,11 @@ import numpy as np
 from lanelib.errors import LanelibError
 from lanelib.jointfit import CENTRE, PITCH, RATE, UNKNOWN_ROAD, WIDTH, JointFit, Prior, differ, energy_of, rate_std
 
-# How fast each number changes: standard deviation of a step from frame to frame at 25 frames a second. Centre: 2 m/s
-# sideways; heading: half a radian a second; bend: from straight to R 60 m in half a second; rate: not followed at all,
-# each frame tells it anew; pitch: 6 degrees a second over bumps. Half of these lag on a winding road, three times of
-# them jitter on a motorway (notebook 05).
-STEP_STD = np.array([0.1, 0.02, 8e-4, 1.0, 0.03, 0.004, 6e-5])
+# How fast each number changes: standard deviation of a step from frame to frame at 25 frames a second. Centre: 0.8 m/s
+# sideways; heading: 0.17 radians a second; bend: from straight to R 60 m in half a second; rate: not followed at all,
+# each frame tells it anew; width: 0.4 m/s; pitch: 6 degrees a second over bumps. Twice of these wobble on a motorway,
+# half of them lag on a winding road (notebook 05).
+STEP_STD = np.array([0.033, 0.007, 8e-4, 1.0, 0.015, 0.004, 6e-5])
 CLEAR_ROWS = 5.0  # with so many rows of paint on the weaker line the tracked lane is beyond doubt ...
 # ... unless it has less paint than this share of the last second's: it may have left the prediction behind
 FADING = 0.8

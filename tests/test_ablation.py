@@ -170,7 +170,7 @@ def test_a_clip_has_jitter(rig):
 
 
 def test_by_tag_counts_each_frame_in_every_tag_of_its(rig, road):
-    truth = {n: t | {"tags": ["bend"] if "0.0" != n else ["straight"]} for n, t in road[1].items()}
+    truth = {n: t | {"tags": ["bend"] if n != "0.0" else ["straight"]} for n, t in road[1].items()}
     one = ablation.run(LaneFinder(rig, track=False), road[0].items(), truth, rig.camera)
     lines = [line.split("|")[1:4] for line in ablation.by_tag(one).splitlines()]
     rows = {tag.strip(): (int(n), float(right)) for tag, n, right in lines[2:]}

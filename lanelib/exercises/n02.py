@@ -55,7 +55,7 @@ def check_ridge(answer):
             row, padded = judge.row, np.pad(judge.row.astype(float), distance, mode="edge")
             left, right_side = padded[: -2 * distance], padded[2 * distance :]
             for hint, other in {
-                "compare with the brighter side, not with the mean of both: a step is no ridge": (left + right_side) / 2,
+                "compare with the brighter side, not with the mean: a step is no ridge": (left + right_side) / 2,
                 "compare with the brighter side, not with the darker one": np.minimum(left, right_side),
                 "compare with both sides, not with the left one only": left,
                 "compare with both sides, not with the right one only": right_side,
@@ -92,9 +92,9 @@ def check_yellow(answer):
         found = f"{when} precision is {precision:.2f} and recall {recall:.2f}, {NEEDED} each is needed"
         if recall >= NEEDED:
             return not_yet(f"{found}: too much passes; white paint or grey road, too?")
-        more = "a fixed number that fits the sun does not fit the shade; compare with the brightness" if light < 1 else \
-            "too little passes; which channels of yellow are high, which is low?"  # fmt: skip
-        return not_yet(f"{found}: {more}")
+        if light < 1:
+            return not_yet(f"{found}: a number that fits the sun does not fit the shade; compare with the brightness")
+        return not_yet(f"{found}: too little passes; which channels of yellow are high, which is low?")
     return right("it holds at 0.4 times the light, too")
 
 

@@ -19,7 +19,7 @@ from lanelib.finder import LaneFinder
 from lanelib.labels import line_points
 from lanelib.rig import Rig
 
-VIEW_WH = (400, 600)
+VIEW_WH = (400, 500)
 ACROSS_M = 5.5  # the view's half width: the lane and a part of its neighbours
 CLASSIC_LENGTH_M = 30.0  # what everyone assumes the trapezoid to be long
 LANE_WIDTH_M = 3.66  # 12 ft

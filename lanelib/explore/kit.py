@@ -19,13 +19,14 @@ from lanelib.errors import LanelibError
 from lanelib.explore.look import WIDTH_PX, Look, message_card, readings_html
 
 STYLE = """<style>
-.lx {max-width: 1000px; container-type: inline-size;}
-.lx .lx-controls {flex-flow: row wrap; column-gap: 18px; row-gap: 2px; align-items: center;}
+.lx {max-width: 960px;}
+.lx .lx-controls {flex-flow: row wrap; column-gap: 18px; row-gap: 2px; align-items: center; padding-bottom: 6px;}
 .lx .lx-title {font-weight: 600; font-size: 15px; margin: 2px 0;}
 .lx .lx-readings {display: grid; grid-template-columns: repeat(auto-fill, minmax(148px, 1fr)); gap: 6px; margin: 6px 0 2px;}
 .lx .lx-readings > div {border-left: 3px solid #56b4e9; padding: 1px 4px 1px 8px; line-height: 1.3;}
-.lx .lx-readings dt {font-size: 12px; color: var(--jp-ui-font-color1, #333); font-weight: 400; margin: 0; float: none; width: auto;}
-.lx .lx-readings dd {margin: 0; width: auto; font-variant-numeric: tabular-nums;}
+.lx .lx-readings dt, .lx .lx-readings dd {display: block; float: none; width: auto; margin: 0; padding: 0; text-align: left;}
+.lx .lx-readings dt {font-size: 12px; color: var(--jp-ui-font-color1, #333); font-weight: 400;}
+.lx .lx-readings dd {font-variant-numeric: tabular-nums;}
 .lx .lx-value {font-size: 15px; font-weight: 600; color: var(--jp-content-font-color1, #000);}
 .lx .lx-truth {font-size: 12px; color: var(--jp-ui-font-color1, #333);}
 .lx .lx-note {font-size: 12px; color: var(--jp-ui-font-color2, #555); line-height: 1.4;}

@@ -73,7 +73,7 @@ def separations(frames: Mapping[str, np.ndarray], paints: Sequence, roads: Seque
 @in_style
 def best_thresholds(values: Mapping[str, np.ndarray], truths: Sequence, *, low: int = 60) -> Figure:
     """F1, the harmonic mean of precision and recall, over the threshold of one channel, for several frames."""
-    figure, a = plt.subplots(figsize=(7.5, 3.6), layout="constrained")
+    figure, a = plt.subplots(figsize=(9, 3.4), layout="constrained")
     levels = np.arange(low, 256)
     for i, ((name, channel), truth) in enumerate(zip(values.items(), truths, strict=True)):
         on_paint = np.bincount(channel[truth.paint], minlength=256)[::-1].cumsum()[::-1]
@@ -85,7 +85,7 @@ def best_thresholds(values: Mapping[str, np.ndarray], truths: Sequence, *, low: 
         a.plot(best, f1[best], MARKERS[i % len(MARKERS)], color=colour, markersize=8)
     a.set(xlabel="threshold", ylabel="F1 of the mask", title="one channel, one threshold: the best one is marked",
           ylim=(0, 1))  # fmt: skip
-    a.legend(loc="upper left")
+    a.legend(loc="upper left", bbox_to_anchor=(1.01, 1))
     return figure
 
 

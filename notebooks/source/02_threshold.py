@@ -51,7 +51,7 @@ def load(name):
 # White and yellow paint are both bright in red. On dark asphalt in the sun, "red of 180 and more" looks like the
 # answer. **Before you run the next cell:** what will the same number do on pale concrete? And when a cloud passes?
 
-# %% alt="Right: the mask of red above 180 on concrete; nearly all of the road is vermillion, a false alarm, and the paint in it can hardly be told."
+# %% alt="Right: the mask of red above 180 on concrete; a good part of the road is vermillion, false alarms, and the paint can hardly be told from it."
 sunny, sunny_paint = load("test3.jpg")
 concrete, concrete_paint = load("test5.jpg")
 n02.masks(concrete, {"red of 180 and more": in_range(CHANNELS["rgb_r"](concrete), 180, 255)}, concrete_paint)
@@ -293,7 +293,7 @@ seams, seams_paint = load("concrete_seams.jpg")
 n02.masks(seams, {recipe.title: recipe.function(seams) for recipe in RECIPES.values()}, seams_paint)
 
 # %% [markdown]
-# Every crack has two edges, so it is a line to the recipes that trust gradients. Ours finds both lines and no crack;
+# Every crack has two edges, so it is a line to the recipes that trust gradients alone. Ours finds both lines and no crack;
 # of each stripe it takes only the middle, hence the modest recall.
 
 # %% [markdown]

@@ -1,0 +1,156 @@
+"""Checkers of notebook 05."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lanelib.exercises.judges import array, function, missing, never_raises, not_yet, right
+from lanelib.exercises.verdict import Verdict
+
+WORDS = ("measured", "held", "none")
+
+
+def _hinted(answer, cases, wrong, **options) -> Verdict:
+    """``function`` with ``array``; where it fails, the hint of the first mistake in ``wrong`` (hint, results) that
+    explains all cases."""
+    verdict = function(answer, cases, array, **options)
+    if not verdict and callable(answer):
+        for hint, results in wrong:
+            renamed = [(given, result) for (given, _), result in zip(cases, results, strict=True)]
+            if function(answer, renamed, array, **options):
+                return not_yet(hint)
+    return verdict
+
+
+def _exponential(values, alpha) -> np.ndarray:
+    out = [values[0]]
+    for value in values[1:]:
+        out.append(out[-1] + alpha * (value - out[-1]))
+    return np.array(out)
+
+
+@never_raises
+def check_exponential(answer):
+    """Exponential smoothing of values (N,), beginning with the first value."""
+    given = [
+        (np.array([0.0, 1.0, 1.0, 1.0]), 0.3),
+        (np.array([0.2, -0.1, 0.4, 0.3, 0.0]), 0.5),
+        (np.array([5.0, 5.0, 8.0]), 0.1),
+    ]
+
+    def from_zero(values, alpha):
+        return _exponential(np.concatenate([[0.0], values]), alpha)[1:]
+
+    wrong = [
+        ("alpha is the weight of the *new* value; here it is that of the old one",
+         [_exponential(v, 1 - a) for v, a in given]),
+        ("begin with the first value, not with 0: the lane does not start in the middle", [from_zero(*g) for g in given]),
+    ]  # fmt: skip
+    return _hinted(answer, [(g, _exponential(*g)) for g in given], wrong, rel=1e-6, tolerance=1e-9)
+
+
+def _fuse(a, var_a, b, var_b) -> tuple[float, float]:
+    variance = 1 / (1 / var_a + 1 / var_b)
+    return variance * (a / var_a + b / var_b), variance
+
+
+@never_raises
+def check_fuse(answer):
+    """(mean, variance) of two independent measurements of the same thing."""
+    given = [(0.30, 0.04, 0.10, 0.01), (1.0, 2.0, 3.0, 2.0), (-0.2, 0.09, 0.1, 0.25)]
+    right_ones = [np.array(_fuse(*g)) for g in given]
+    wrong = [
+        ("the plain mean; the better one (smaller variance) must count more",
+         [((a + b) / 2, _fuse(a, u, b, v)[1]) for a, u, b, v in given]),
+        ("weights the wrong way round: the one with the *smaller* variance counts more",
+         [((u * a + v * b) / (u + v), _fuse(a, u, b, v)[1]) for a, u, b, v in given]),
+        ("the variance: two measurements know more than one, so it is smaller than either",
+         [(m[0], u + v) for m, (_, u, _, v) in zip(right_ones, given, strict=True)]),
+        ("the standard deviation is given; the variance is asked for",
+         [(m[0], np.sqrt(m[1])) for m in right_ones]),
+        ("weighted with 1 / variance, please: these are weights of 1 / standard deviation",
+         [((a / u**0.5 + b / v**0.5) / (u**-0.5 + v**-0.5), _fuse(a, u, b, v)[1]) for a, u, b, v in given]),
+    ]  # fmt: skip
+    return _hinted(answer, list(zip(given, right_ones, strict=True)), wrong, rel=1e-4, tolerance=1e-9)
+
+
+def _kalman(mean, variance, step_variance, measured, measured_variance) -> tuple[float, float]:
+    variance = variance + step_variance
+    return (mean, variance) if measured is None else _fuse(mean, variance, measured, measured_variance)
+
+
+@never_raises
+def check_kalman_step(answer):
+    """(mean, variance) after one frame: predict, then update, where there is a measurement."""
+    given = [
+        (0.10, 0.010, 0.002, 0.30, 0.02),
+        (0.10, 0.010, 0.002, None, None),  # a missed frame
+        (-0.5, 0.0, 0.01, -0.4, 0.01),
+    ]
+    right_ones = [np.array(_kalman(*g)) for g in given]
+    wrong = [
+        ("the prediction is missing: first add the step's variance, for the car has moved since",
+         [_kalman(m, v, 0.0, z, r) for m, v, _, z, r in given]),
+        ("a missed frame is a prediction without an update: its variance grows by the step's",
+         [r if g[3] is not None else (g[0], g[1]) for r, g in zip(right_ones, given, strict=True)]),
+    ]  # fmt: skip
+    if callable(answer):
+        try:
+            answer(*given[1])
+        except TypeError:
+            return not_yet("a missed frame comes as None; look for `measured is None` before computing with it")
+        except Exception:  # judged below, with the call that raised
+            pass
+    return _hinted(answer, list(zip(given, right_ones, strict=True)), wrong, rel=1e-4, tolerance=1e-9)
+
+
+def _statuses(seen, hold) -> list[str]:
+    out, missed, known = [], 0, False
+    for one in seen:
+        if one:
+            missed, known = 0, True
+            out.append("measured")
+            continue
+        missed += 1
+        known = known and missed <= hold
+        out.append("held" if known else "none")
+    return out
+
+
+def _words(result, expected) -> Verdict:
+    """A list of status words."""
+    if (verdict := missing(result)) is not None:
+        return verdict
+    if isinstance(result, str) or not hasattr(result, "__iter__"):
+        return not_yet(f"a list of words is needed, found {type(result).__name__}")
+    words = [str(word) for word in result]
+    if len(words) != len(expected):
+        return not_yet(f"one word a frame is needed, {len(expected)}, found {len(words)}")
+    if strange := sorted(set(words) - set(WORDS)):
+        return not_yet(f"only {', '.join(WORDS)} are used, found {strange[0]!r}")
+    if words == expected:
+        return right()
+    i = next(i for i, (a, b) in enumerate(zip(words, expected, strict=True)) if a != b)
+    return not_yet(f"frame {i} must be {expected[i]!r}, found {words[i]!r}")
+
+
+@never_raises
+def check_statuses(answer):
+    """Per frame "measured", "held" or "none", from whether a lane was seen, holding at most ``hold`` frames."""
+    cases = [
+        (([True, False, False, True], 2), None),
+        (([False, True, False, False, False, True], 2), None),  # nothing to hold at first; the third miss is one too many
+        (([True, False, True, False, True, False], 1), None),  # the count begins anew
+        (([True, False, False, False, False], 0), None),
+    ]
+    cases = [(given, _statuses(*given)) for given, _ in cases]
+    verdict = function(answer, cases, _words)
+    if not verdict and callable(answer):
+        forever = [(given, ["measured" if s else "held" if any(given[0][:i]) else "none" for i, s in enumerate(given[0])])
+                   for given, _ in cases]  # fmt: skip
+        if function(answer, forever, _words):
+            return not_yet("a dead lane is held for ever; after `hold` missed frames in a row there is none")
+        second = ["measured" if s else "held" for s in cases[1][0][0][:3]]
+        if function(answer, [((cases[1][0][0][:3], 2), second)], _words):
+            return not_yet("before the first lane there is nothing to hold: that is 'none'")
+    return verdict
