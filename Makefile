@@ -13,7 +13,7 @@ USABLE := 'import sys, ensurepip, venv; sys.exit(sys.version_info < (3, 11))'
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11 python3.14 python; do \
 	$$p -c $(USABLE) >/dev/null 2>&1 && { echo $$p; break; }; done)
 
-.PHONY: all course data install install-test lab test lint format types test-oldest bench render clean distclean help
+.PHONY: notebooks all course data install install-test lab test lint format types test-oldest bench render clean distclean help
 
 all: course  ## everything: set up, fetch the Udacity set, run the pipeline on every set that is there
 
@@ -56,6 +56,9 @@ test: lint  ## set up and run all tests: ruff, pytest, the notebooks
 test-notebooks: install-test  ## only the notebooks
 	$(BIN)/python -m pytest notebooks --nbval -n $(JOBS) --dist loadfile --nbval-current-env \
 		--nbval-cell-timeout=120 --nbval-sanitize-with=notebooks/nbval_sanitize.cfg
+
+notebooks: install-test  ## build all notebooks from notebooks/source: run, store, learner's versions
+	$(BIN)/python tools/notebooks.py build
 
 lint: install-test  ## ruff over code and notebooks
 	$(BIN)/ruff check .

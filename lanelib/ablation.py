@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 
 from lanelib import jointfit
+from lanelib.birdseye import Grid
 from lanelib.camera import Camera
 from lanelib.errors import LanelibError
 from lanelib.evaluate import DISTANCES_M, Evaluation, score, table
@@ -25,8 +26,9 @@ from lanelib.hypotheses import hypotheses
 from lanelib.jointfit import HILL, PITCH, Points, Prior
 from lanelib.labels import line_points
 from lanelib.lane import Lane
+from lanelib.paint import evidence_of, paint_channels, paint_points
 from lanelib.result import LaneResult
-from lanelib.rig import Rig, View
+from lanelib.rig import SCAN_ROWS, Rig, View
 from lanelib.scores import FrameScore, metric_score, pixel_score
 from lanelib.tracking import LaneTracker
 
@@ -178,7 +180,7 @@ def _text(value: float, digits: int) -> str:
 
 
 # ---------------------------------------------------------------------------------------------- conditions
-def darker(factor: float) -> Callable[[np.ndarray], np.ndarray]:
+def lit(factor: float) -> Callable[[np.ndarray], np.ndarray]:
     """Less (or more) light: every grey level times ``factor``, cut off at 255."""
     return lambda frame: cv2.convertScaleAbs(frame, alpha=factor)
 
@@ -206,9 +208,9 @@ def compressed(frame: np.ndarray) -> np.ndarray:
 
 CONDITIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "as it is": lambda frame: frame,
-    "light x 0.35": darker(0.35),
-    "light x 0.7": darker(0.7),
-    "light x 1.4": darker(1.4),
+    "light x 0.35": lit(0.35),
+    "light x 0.7": lit(0.7),
+    "light x 1.4": lit(1.4),
     "warm": warm,
     "noise 12": noisy,
     "blur 2.5 px": blurred,
@@ -303,6 +305,28 @@ def error_budget(
         lanes: dict[str, LaneResult] = {n: finder.process(f) for n, f in frames.items()}
         budget[name] = _median([believed_error_m(lanes[n].lane, truth[n]) for n in frames])
     return budget
+
+
+# ---------------------------------------------------------------------------------------------- the size of the view
+def view_of_size(rig: Rig, *, column_m: float, rows: int) -> View:
+    """The rig's small bird's-eye view with another number of columns and rows over the same piece of road."""
+    whole = rig.scan_grid
+    n = round(whole.x_m[-1] / column_m)
+    y = np.linspace(whole.y_m[0] ** -0.5, whole.y_m[-1] ** -0.5, rows) ** -2  # spaced as the rig's own
+    sized = replace(rig)
+    sized.__dict__["scan_grid"] = Grid(np.arange(-n, n + 1) * column_m, y)  # in place of what the rig would work out
+    return View(sized)
+
+
+def lane_in_view(view: View, frame_bgr: np.ndarray) -> Lane | None:
+    """The best lane of one frame (H, W, 3) uint8 BGR as this view sees it, or None. Rows count by the road they cover,
+    so that a view with few of them is not at a disadvantage."""
+    z, _ = evidence_of(*paint_channels(view.scan(frame_bgr)), column_m=view.grid.column_m)
+    points = view.points(paint_points(z))
+    points = replace(points, weight=points.weight * SCAN_ROWS / points.n_rows)
+    fits = [jointfit.fit(points, start) for start in hypotheses(points)]
+    best = max(fits, key=lambda f: f.energy, default=None)
+    return None if best is None else view.lane(best)
 
 
 def _median(errors: Sequence[np.ndarray]) -> np.ndarray:

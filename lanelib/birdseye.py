@@ -286,11 +286,11 @@ class BirdsEye:
 
     def warp(self, undistorted, *, flags=cv2.INTER_LINEAR) -> np.ndarray:
         """Undistorted picture or mask to the bird's-eye picture of ``grid`` (black outside)."""
-        return cv2.warpPerspective(undistorted, self.view_from_image, self.grid.size_wh, flags=flags)
+        return cv2.warpPerspective(_picture(undistorted), self.view_from_image, self.grid.size_wh, flags=flags)
 
     def unwarp(self, view, *, flags=cv2.INTER_LINEAR) -> np.ndarray:
         """Bird's-eye picture back to the undistorted picture (black outside the grid)."""
-        return cv2.warpPerspective(view, np.linalg.inv(self.view_from_image), self.size_wh, flags=flags)
+        return cv2.warpPerspective(_picture(view), np.linalg.inv(self.view_from_image), self.size_wh, flags=flags)
 
     def table(self, camera: Camera, grid: Grid | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Fixed-point maps for ``cv2.remap`` straight from the frame as given to a bird's-eye picture of ``grid``.
@@ -303,6 +303,13 @@ class BirdsEye:
         pixels = camera.distort_points(self.points_from_road(np.column_stack([x.ravel(), y.ravel()])))
         pixels = np.where(np.isfinite(pixels), pixels, -1e4).reshape(*x.shape, 2).astype(np.float32)
         return cv2.convertMaps(pixels[..., 0], pixels[..., 1], cv2.CV_16SC2)
+
+
+def _picture(picture: np.ndarray) -> np.ndarray:
+    if not isinstance(picture, np.ndarray) or picture.ndim not in (2, 3) or picture.size == 0:
+        found = f"shape {picture.shape}" if isinstance(picture, np.ndarray) else type(picture).__name__
+        raise LanelibError(f"a picture (H, W) or (H, W, 3) is needed, found {found}; give a whole frame or mask")
+    return picture
 
 
 def angles_from_vanishing_point(camera_matrix, vanishing_px, *, roll_deg=0.0) -> tuple[float, float]:

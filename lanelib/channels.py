@@ -30,6 +30,18 @@ def as_bgr(frame: np.ndarray) -> np.ndarray:
     return frame if frame.shape[2] == 3 else np.ascontiguousarray(frame[:, :, :3])
 
 
+def one_channel(values: np.ndarray) -> np.ndarray:
+    """The array itself if it is one channel (H, W) of numbers with at least one pixel; else LanelibError.
+
+    Some functions of OpenCV end the whole process on an empty picture instead of raising.
+    """
+    fits = isinstance(values, np.ndarray) and values.ndim == 2 and values.size > 0 and values.dtype.kind in "bufi"
+    if not fits:
+        found = f"shape {values.shape}, {values.dtype}" if isinstance(values, np.ndarray) else type(values).__name__
+        raise LanelibError(f"one channel (H, W) is needed, found {found}; give a mask or a grey picture")
+    return values
+
+
 def _channel(code: int, index: int) -> Channel:
     """The function frame_bgr -> channel `index` of the colour space of cv2.cvtColor's `code`."""
 

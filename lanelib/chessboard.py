@@ -118,6 +118,8 @@ def straightness_px(corners_px: np.ndarray, corners_wh: tuple[int, int]) -> floa
 
 def _detect(grey: np.ndarray, grid_wh: tuple[int, int], scale: float, *, larger: bool) -> np.ndarray | None:
     """Run the detector on a scaled copy: a grid (h, w, 2) in pixels of `grey`, of that size or (`larger`) at least."""
+    if min(grey.shape) * scale < min(grid_wh):  # OpenCV's resize refuses to make nothing of something
+        return None
     if scale != 1:
         grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     flags = cv2.CALIB_CB_LARGER if larger else 0

@@ -20,6 +20,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from lanelib.channels import as_bgr, one_channel
+
 PAINT_WIDTH_M = 0.15  # the middle box; 4-6 inch paint, blurred by the lens
 TEXTURE_SIZE_M = 3.0  # the texture is averaged over this width: most of a lane, so that one line in it counts little
 TEXTURE_ROWS = 7
@@ -49,7 +51,7 @@ def paint_channels(bgr: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     from it.
     Yellow paint on pale concrete is no brighter than the concrete; it stands out only in (R + G) / 2 - B.
     """
-    blue, green, red = cv2.split(bgr)
+    blue, green, red = cv2.split(as_bgr(bgr))
     warm = cv2.addWeighted(red, 0.5, green, 0.5, 0)
     return cv2.addWeighted(warm, 2 / 3, blue, 1 / 3, 0), cv2.subtract(warm, blue)
 
@@ -64,7 +66,7 @@ def ridge_response(channel: np.ndarray, *, column_m: float = 0.05) -> np.ndarray
     width = max(3, round(PAINT_WIDTH_M / column_m) | 1)  # odd: an even box shifts the line by half a pixel
     near, far = width + 1, 2 * width + 1  # columns from the middle of the line to the middle of the road beside it
     step = width // 2 + 1
-    inside = channel.shape[1] - 2 * far
+    inside = one_channel(channel).shape[1] - 2 * far
     z = np.zeros(channel.shape, np.float32)
     if inside < 1:
         return z
@@ -117,7 +119,7 @@ def weight_of(z: np.ndarray) -> np.ndarray:
 
 def paint_points(z: np.ndarray) -> PaintPoints:
     """Crests of the response (H, W): local maxima along each row, located by the parabola through three pixels."""
-    crest = cv2.compare(z, cv2.dilate(z, np.ones((1, 3), np.uint8)), cv2.CMP_GE)
+    crest = cv2.compare(one_channel(z), cv2.dilate(z, np.ones((1, 3), np.uint8)), cv2.CMP_GE)
     crest &= cv2.compare(z, WEAK_Z, cv2.CMP_GT)
     crest[:, [0, -1]] = 0
     at = np.flatnonzero(crest)

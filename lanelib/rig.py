@@ -63,7 +63,8 @@ class Rig:
         """The small bird's-eye view the finder works on: 5 cm columns; rows closer together far away, where they
         are worth more: equal steps of 1/sqrt(y), between equal metres and equal pixels of the frame."""
         focal_720p = self.camera.camera_matrix[1, 1] * 1280 / self.size_wh[0]
-        far = math.sqrt(FAR_ROW_M * focal_720p * self.mounting["height_m"])
+        height_m = self.mounting["height_m"]  # below 0 or NaN where the homography shows a road from underneath
+        far = math.sqrt(FAR_ROW_M * focal_720p * height_m) if height_m > 0 else 0.0
         if not 0 < self.near_m < far:
             raise LanelibError(
                 f"the rig {self.name!r} sees no road: its lowest row looks {self.near_m:.1f} m ahead; make it again"

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from lanelib.channels import CHANNELS, as_bgr, equalise_lightness, hsv_white, hsv_yellow, in_range
+from lanelib.channels import CHANNELS, as_bgr, equalise_lightness, hsv_white, hsv_yellow, in_range, one_channel
 from lanelib.errors import LanelibError
 
 # ---------------------------------------------------------------------------------------------- gradients
@@ -95,7 +95,7 @@ def all_of(*masks: np.ndarray) -> np.ndarray:
 
 def close_gaps(mask: np.ndarray, *, size_px: int = 5) -> np.ndarray:
     """Morphological closing (dilate, then erode) with a square: fills gaps and holes narrower than `size_px`."""
-    return cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((size_px, size_px), np.uint8))
+    return cv2.morphologyEx(one_channel(mask), cv2.MORPH_CLOSE, np.ones((size_px, size_px), np.uint8))
 
 
 # ------------------------------------------------------------------- the default: paint is a narrow ridge
@@ -174,7 +174,7 @@ def keep_long(mask: np.ndarray, *, horizon_row: float | None = None) -> np.ndarr
 
     A piece from row v - h to v below the horizon covers h / (v - h) of its distance to the car on a flat road.
     """
-    horizon_row = HORIZON_FRACTION * len(mask) if horizon_row is None else horizon_row
+    horizon_row = HORIZON_FRACTION * len(one_channel(mask)) if horizon_row is None else horizon_row
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     heights = stats[:, cv2.CC_STAT_HEIGHT]
     depths = stats[:, cv2.CC_STAT_TOP] + heights - 1 - horizon_row

@@ -24,10 +24,12 @@ from lanelib.errors import LanelibError
 from lanelib.jointfit import CENTRE, PITCH, RATE, UNKNOWN_ROAD, WIDTH, JointFit, Prior, differ, energy_of, rate_std
 
 # How fast each number changes: standard deviation of a step from frame to frame at 25 frames a second. Centre: 0.8 m/s
-# sideways; heading: 0.17 radians a second; bend: from straight to R 60 m in half a second; rate: not followed at all,
-# each frame tells it anew; width: 0.4 m/s; pitch: 6 degrees a second over bumps. Twice of these wobble on a motorway,
-# half of them lag on a winding road (notebook 05).
-STEP_STD = np.array([0.033, 0.007, 8e-4, 1.0, 0.015, 0.004, 6e-5])
+# sideways; heading: 0.17 radians a second; bend: from straight to R 60 m in half a second; rate: by its memory, below;
+# width: 0.4 m/s; pitch: 6 degrees a second over bumps. Twice of these wobble on a motorway, half of them lag on a
+# winding road (notebook 05).
+STEP_STD = np.array([0.033, 0.007, 8e-4, np.nan, 0.015, 0.004, 6e-5])
+# Of the change of curvature from one frame to the next: none and bends that tighten come late, all and they overshoot.
+RATE_MEMORY = 0.8
 CLEAR_ROWS = 5.0  # with so many rows of paint on the weaker line the tracked lane is beyond doubt ...
 # ... unless it has less paint than this share of the last second's: it may have left the prediction behind
 FADING = 0.8
@@ -103,7 +105,8 @@ class LaneTracker:
         base = self.background
         spread = np.diag(base.covariance).copy()
         spread[RATE] = min(spread[RATE], rate_std(self.fit.mean) ** 2)
-        r = np.sqrt(1 - np.minimum(self.step_std**2 / spread, 1))
+        r = np.sqrt(1 - np.fmin(self.step_std**2 / spread, 1))
+        r[RATE] = RATE_MEMORY
         mean = base.mean + r * (self.fit.mean - base.mean)
         covariance = self.fit.covariance * np.outer(r, r) + np.diag((1 - r**2) * spread)
         return Prior(mean, covariance)

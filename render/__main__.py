@@ -10,7 +10,7 @@ def main():
     parser.add_argument(
         "names", nargs="*", help="pictures (without .jpg) or clips (without .mp4); default: all of them"
     )
-    parser.add_argument("--spp", type=int, help="samples a pixel (boards and stills 24, clips 6)")
+    parser.add_argument("--spp", type=int, help="samples a pixel (boards and stills 24, clips 4)")
     parser.add_argument("--shrink", type=int, default=1, help="render smaller by this factor, for a preview")
     parser.add_argument("--to", type=Path, help="another folder than the shipped one (previews)")
     parser.add_argument("--force", action="store_true", help="also what is up to date")

@@ -90,7 +90,7 @@ def frame_count(clip):
     return round(clip["seconds"] * clip["fps"])
 
 
-def render_clips(names=(), *, spp=6, frames=None, every=1, shrink=1, work=None):
+def render_clips(names=(), *, spp=4, frames=None, every=1, shrink=1, work=None):
     """Render what is missing of the named clips, frame by frame."""
     for name, clip in describe().items():
         if names and name.rsplit(".", 1)[0] not in names:

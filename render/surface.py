@@ -115,9 +115,10 @@ def road_albedo(s, d, fd, fs, c):
             where = dr.maximum(where, _between(s, start + 0.05 * blotch, end + 0.05 * blotch, fs))
         color = _mix(color, mi.Color3f(base, base * 0.97, base * 0.90), where)
     for t in c.get("tar", []):  # sealed cracks and seams along the road
+        drawn = t.get("scale", 1.0)  # 1: a crack that grew; 4 and more: a joint that a machine drew
         wobble = t.get("wobble", 0.05) * (
-            _noise((seed + 7, 12.0, 40.0), s, s * 0 + t["d"] * 3.1, 41.0, 9.0)
-            + 0.25 * _noise((seed + 8, 3.0, 40.0), s, s * 0 + t["d"], 23.0, 9.0)
+            _noise((seed + 7, 12.0, 40.0), s, s * 0 + t["d"] * 3.1, 41.0 * drawn, 9.0)
+            + 0.25 / drawn * _noise((seed + 8, 3.0, 40.0), s, s * 0 + t["d"], 23.0, 9.0)
         )
         line = _stripe(d - t["d"] - wobble, t.get("width", 0.05) / 2 * (1 + 0.25 * blotch), fd)
         line *= _between(s, t.get("from", -1e4), t.get("to", 1e4), fs)

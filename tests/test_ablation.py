@@ -175,3 +175,22 @@ def test_by_tag_counts_each_frame_in_every_tag_of_its(rig, road):
     lines = [line.split("|")[1:4] for line in ablation.by_tag(one).splitlines()]
     rows = {tag.strip(): (int(n), float(right)) for tag, n, right in lines[2:]}
     assert rows == {"all": (3, 1.0), "bend": (2, 1.0), "straight": (1, 1.0)}
+
+
+def test_a_view_of_the_rigs_own_size_is_the_rigs_own_view(rig, road):
+    own = LaneFinder(rig, track=False)
+    view = ablation.view_of_size(rig, column_m=rig.scan_grid.column_m, rows=len(rig.scan_grid.y_m))
+    assert view.grid.x_m == pytest.approx(rig.scan_grid.x_m) and view.grid.y_m == pytest.approx(rig.scan_grid.y_m)
+    for frame in road[0].values():
+        lane, expected = ablation.lane_in_view(view, frame), own.process(frame).lane
+        assert lane.left.x([8.0, 20.0]) == pytest.approx(expected.left.x([8.0, 20.0]), abs=0.01)
+
+
+def test_another_size_covers_the_same_road(rig, road):
+    view = ablation.view_of_size(rig, column_m=0.1, rows=90)
+    assert view.grid.size_wh[1] == 90 and view.grid.column_m == pytest.approx(0.1)
+    assert view.grid.y_m[[0, -1]] == pytest.approx(rig.scan_grid.y_m[[0, -1]])
+    name, frame = next(iter(road[0].items()))
+    errors = ablation.believed_error_m(ablation.lane_in_view(view, frame), road[1][name], [8, 15])
+    assert np.abs(errors).max() < 0.06
+    assert ablation.lane_in_view(view, np.zeros_like(frame)) is None

@@ -1,6 +1,8 @@
 """The explorers without a browser: what they show is what lanelib says, and a moved control changes it."""
 
 import re
+import threading
+import time
 from dataclasses import replace
 
 import chessboards
@@ -89,6 +91,34 @@ def test_several_controls_are_answered_once():
     assert repr(explorer) == "Explorer('test': x, y)"
 
 
+def test_the_last_change_wins_though_changes_come_in_threads():
+    """JupyterLab's subshells call back while an answer is under way; a slow old answer must not replace a new one."""
+    slow, go_on, made = threading.Event(), threading.Event(), []
+
+    def make(x):
+        if x == 1:
+            slow.set()
+            assert go_on.wait(10)
+        made.append(x)
+        return Look(np.full((4, 4, 3), round(10 * x), np.uint8), (Reading("x", x, digits=0),))
+
+    explorer = explore.Explorer("test", make, {"x": slider("x", 0, 0, 9, 1)})
+    first = threading.Thread(target=explorer.set, kwargs={"x": 1})
+    first.start()
+    assert slow.wait(10)
+    others = [threading.Thread(target=explorer.set, kwargs={"x": x}) for x in (2, 3, 4)]
+    for other in others:
+        other.start()
+    while explorer._asked < 5:
+        time.sleep(0.01)
+    go_on.set()
+    for thread in (first, *others):
+        thread.join(10)
+    last = explorer.controls["x"].value
+    assert explorer.values["x"] == last and f'lx-value">{last:.0f}<' in explorer.numbers.value
+    assert made == [0, 1, last], "those who waited should have been answered once, together"
+
+
 def test_slider_ends_are_whole_steps_from_its_value():
     made = slider("k", -0.2417, -0.6, 0.6, 0.005)
     steps_up = (made.value - made.min) / 0.005
@@ -106,7 +136,9 @@ def test_charts_draw_where_the_numbers_say():
     rows = np.flatnonzero((flat[:, 200] > 200).all(axis=1))
     middle = (chart.TOP + 200 - chart.BOTTOM) / 2
     assert len(rows) and abs(rows.mean() - middle) < 2
-    gap = chart.line_chart([chart.Curve("", x, np.where(x == 5, np.nan, 5.0), "#ffffff", 3)], (400, 200), y_range=(0, 10))
+    gap = chart.line_chart(
+        [chart.Curve("", x, np.where(x == 5, np.nan, 5.0), "#ffffff", 3)], (400, 200), y_range=(0, 10)
+    )
     at_gap = round((chart.LEFT + 400 - chart.RIGHT) / 2)
     assert not (gap[rows, at_gap] > 200).any() and (flat[rows, at_gap] > 200).any()
     counts = np.zeros(256, int)
@@ -134,8 +166,14 @@ def test_threshold_recipe_is_composed_and_its_code_does_the_same(seen):
     frame, truth, _ = seen
     explorer = explore.threshold(frame, truth)
     add, drop, clear = explorer.children[1].children[-3:]
-    chosen = [("hls_s", (90, 255), "OR"), ("brightness ridge", (0.8, 4), "OR"), ("sobel x", (8, 255), "AND"),
-              ("direction", (1.4, 1.57), "AND NOT"), ("magnitude", (6, 250), "AND"), ("sobel y", (60, 255), "AND NOT")]  # fmt: skip
+    chosen = [
+        ("hls_s", (90, 255), "OR"),
+        ("brightness ridge", (0.8, 4), "OR"),
+        ("sobel x", (8, 255), "AND"),
+        ("direction", (1.4, 1.57), "AND NOT"),
+        ("magnitude", (6, 250), "AND"),
+        ("sobel y", (60, 255), "AND NOT"),
+    ]
     for source, limits, way in chosen:
         explorer.set(source=source)
         moved(explorer, range=limits, way=way, equalise=source == "hls_s", ksize=5 if source == "sobel x" else 3)
@@ -213,7 +251,9 @@ def test_warp_derives_the_geometry_of_the_rig(seen):
         shown = {"height_m": "camera height", "pitch_deg": "pitch", "yaw_deg": "yaw"}[name]
         assert values[shown] == pytest.approx(truth["mounting"][name], abs=0.02)
     assert values["length, derived"] == pytest.approx(corners.AHEAD_M, abs=0.2)
-    assert values["metres a pixel, along"] == pytest.approx(1.12 * values["length, used"] / corners.VIEW_WH[1], rel=1e-6)
+    assert values["metres a pixel, along"] == pytest.approx(
+        1.12 * values["length, used"] / corners.VIEW_WH[1], rel=1e-6
+    )
     values = moved(explorer, derive=False, length_m=50.0)
     assert values["length, used"] == 50 and values["length, derived"] == pytest.approx(corners.AHEAD_M, abs=0.2)
 
@@ -227,7 +267,9 @@ def test_warp_of_the_classic_corners_equals_birdseye(seen):
     far_left, far_right, near_right, near_left = classic
     view = BirdsEye.from_straight_lines(rig.camera, [near_left, far_left], [near_right, far_right], lane_width_m=3.66)
     at = view.mounting(rig.camera)
-    assert explorer.values["pitch"] == pytest.approx(at["pitch_deg"]) and explorer.values["camera height"] == pytest.approx(at["height_m"])
+    assert explorer.values["pitch"] == pytest.approx(at["pitch_deg"]) and explorer.values[
+        "camera height"
+    ] == pytest.approx(at["height_m"])
     assert abs(explorer.values["lane widens by"]) > 20, "the classic corners belong to another car"
     explorer.children[1].children[-1].click()
     assert abs(explorer.values["lane widens by"]) < 20
@@ -297,8 +339,16 @@ def test_simulator_shows_the_scene_asked_for():
     frame, _ = render_road(explore.scene_of(bend_1pkm=2.0, offset_m=0.5, pitch_deg=0.6))
     result = LaneFinder(roads.simulated_rig(), track=False).process(frame)
     assert values["offset"] == result.offset_m and values["error at 10 m"] < 5
-    for change in ({"shade": True}, {"concrete": True}, {"wear": 0.7}, {"light": 0.4}, {"noise": 12.0}, {"along_m": 4},
-                   {"heading_deg": 1.0}, {"recipe": "gradient-and-colour"}):  # fmt: skip
+    for change in (
+        {"shade": True},
+        {"concrete": True},
+        {"wear": 0.7},
+        {"light": 0.4},
+        {"noise": 12.0},
+        {"along_m": 4},
+        {"heading_deg": 1.0},
+        {"recipe": "gradient-and-colour"},
+    ):
         moved(explorer, **change)
     explorer.children[1].children[-1].click()
     assert explorer.state["wear"] == 0.2 and explorer.state["bend_1pkm"] == 2.0
@@ -315,8 +365,15 @@ def test_distortion_against_opencv(seen):
     explorer = explore.distortion(rig.camera, frame)
     assert explorer.values["from the calibration"] == pytest.approx(0, abs=1e-6)
     values = moved(explorer, k1=-0.15, p1=0.004, f=620.0)
-    tried = lens.camera_of(rig.camera, k1=-0.15, k2=rig.camera.distortion[1], p1=0.004, p2=rig.camera.distortion[3],
-                           k3=rig.camera.distortion[4], f=620.0)  # fmt: skip
+    tried = lens.camera_of(
+        rig.camera,
+        k1=-0.15,
+        k2=rig.camera.distortion[1],
+        p1=0.004,
+        p2=rig.camera.distortion[3],
+        k3=rig.camera.distortion[4],
+        f=620.0,
+    )
     at, k = np.array([0.0, (360 - 1) / 2]), tried.camera_matrix
     back = at.copy()
     for _ in range(200):  # the point that OpenCV's lens moves to `at`, by fixed-point steps
@@ -409,7 +466,9 @@ def test_smoothing_numbers_are_those_of_the_curves():
 
 def test_smoothing_kalman_has_the_least_error_and_none_is_the_frames_own():
     fits, truth = synthetic_fits()
-    found = {name: explore.smoothing_look(fits, truth, smoothing=name).values for name in ("none", "exponential", "kalman")}
+    found = {
+        name: explore.smoothing_look(fits, truth, smoothing=name).values for name in ("none", "exponential", "kalman")
+    }
     assert found["none"]["error"] == pytest.approx(found["none"]["error, each frame alone"])
     assert found["kalman"]["error"] < min(found["none"]["error"], found["exponential"]["error"])
     assert found["kalman"]["jitter"] < found["none"]["jitter"] / 1.3
@@ -419,8 +478,10 @@ def test_fusing_equals_the_covariance_form_of_the_kalman_filter():
     fits, _ = synthetic_fits(1)
     random = np.random.default_rng(0)
     half = random.normal(size=(7, 7)) * np.sqrt(np.diag(UNKNOWN_ROAD.covariance))[:, None] * 0.3
-    prediction = Prior(UNKNOWN_ROAD.mean + 0.01 * random.normal(size=7) * np.sqrt(np.diag(UNKNOWN_ROAD.covariance)),
-                       half @ half.T + 1e-3 * UNKNOWN_ROAD.covariance)  # fmt: skip
+    prediction = Prior(
+        UNKNOWN_ROAD.mean + 0.01 * random.normal(size=7) * np.sqrt(np.diag(UNKNOWN_ROAD.covariance)),
+        half @ half.T + 1e-3 * UNKNOWN_ROAD.covariance,
+    )
     fit = fits[0]
     unknown = np.diag(UNKNOWN_ROAD.covariance).copy()
     unknown[3] = min(unknown[3], smoothers.rate_std(fit.mean) ** 2)

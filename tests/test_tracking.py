@@ -70,7 +70,7 @@ def test_while_held_the_lane_stays_and_its_uncertainty_grows():
 def test_the_prediction_ends_in_knowing_nothing():
     tracker = LaneTracker(hold_frames=10**6)
     tracker.update(fitted(replace(LANE, centre=0.6, pitch=0.01)))
-    for _ in range(4000):
+    for _ in range(6000):
         prior = tracker.predict()
         tracker.fit = replace(tracker.fit, mean=prior.mean, covariance=prior.covariance)
     unknown = tracker.background

@@ -8,7 +8,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from lanelib.channels import as_bgr
+from lanelib.channels import as_bgr, one_channel
 from lanelib.draw.canvas import Canvas
 from lanelib.draw.lettering import put_text
 from lanelib.draw.palette import SERIES, bgr
@@ -38,7 +38,7 @@ def mask_to_colour(
 def heat(values: np.ndarray, *, top: float | None = None) -> np.ndarray:
     """Numbers (H, W), 0 and more, as a picture from black over purple and orange to pale yellow at ``top``
     (default: the largest)."""
-    values = np.nan_to_num(np.asarray(values, np.float32))
+    values = np.nan_to_num(one_channel(np.asarray(values)).astype(np.float32))
     top = float(values.max(initial=0.0)) if top is None else top
     scaled = np.clip(values * (255 / top if top > 0 else 0), 0, 255).astype(np.uint8)
     return cv2.applyColorMap(scaled, cv2.COLORMAP_INFERNO)  # brightness grows with the number: reads in grey, too

@@ -56,6 +56,8 @@ def side_by_side(
         raise LanelibError(
             f"a title for each picture is needed, found {len(titles)} titles and {len(pictures)} pictures"
         )
+    if any(p.ndim < 2 or not p.size for p in pictures):
+        raise LanelibError(f"pictures (H, W) or (H, W, 3) are needed, found shapes {[p.shape for p in pictures]}")
     height = height or min(480, *(p.shape[0] for p in pictures), 480)
     widths = [max(1, round(p.shape[1] * height / p.shape[0])) for p in pictures]
     columns = columns or len(pictures)

@@ -73,7 +73,7 @@ def check_curvature_of_lane(answer):
         true = (one + other) / 2
         radius = (1 / abs(one) + 1 / abs(other)) / 2
         mistakes = {
-            "these are radii averaged; one nearly straight line then rules. Average the curvatures": np.sign(true) / radius,
+            "these are radii averaged; one nearly straight line then rules. Average curvatures": np.sign(true) / radius,
             "this is a radius in metres; the curvature is asked for": 1 / true,
             "the slope is missing: divide by (1 + B²)^(3/2)": -(left[0] + right[0]),
             "half of it: the second derivative of A y² is 2 A": true / 2,
@@ -127,9 +127,11 @@ def check_offset_and_width(answer):
         return out
 
     for hint, wrong in (
-        ("measured along x; across a lane that leads away obliquely it is less: divide by √(1 + B²)", variant(1, False)),
-        ("the offset's sign is reversed: right of the centre is positive, and then both lines lie farther left",
-         variant(-1, True)),
+        ("measured along x; across a lane that leads away obliquely it is less: divide by √(1+B²)", variant(1, False)),
+        (
+            "the offset's sign is reversed: right of the centre is positive, and then both lines lie farther left",
+            variant(-1, True),
+        ),
     ):
         renamed = [(given, list(values)) for (given, _), values in zip(cases, wrong, strict=True)]
         if function(answer, renamed, array, rel=2e-3, tolerance=1e-3):

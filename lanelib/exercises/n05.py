@@ -44,7 +44,7 @@ def check_exponential(answer):
     wrong = [
         ("alpha is the weight of the *new* value; here it is that of the old one",
          [_exponential(v, 1 - a) for v, a in given]),
-        ("begin with the first value, not with 0: the lane does not start in the middle", [from_zero(*g) for g in given]),
+        ("begin with the first value, not with 0", [from_zero(*g) for g in given]),
     ]  # fmt: skip
     return _hinted(answer, [(g, _exponential(*g)) for g in given], wrong, rel=1e-6, tolerance=1e-9)
 
@@ -85,7 +85,7 @@ def check_kalman_step(answer):
     given = [
         (0.10, 0.010, 0.002, 0.30, 0.02),
         (0.10, 0.010, 0.002, None, None),  # a missed frame
-        (-0.5, 0.0, 0.01, -0.4, 0.01),
+        (-0.5, 0.004, 0.01, -0.4, 0.01),
     ]
     right_ones = [np.array(_kalman(*g)) for g in given]
     wrong = [
@@ -139,15 +139,18 @@ def check_statuses(answer):
     """Per frame "measured", "held" or "none", from whether a lane was seen, holding at most ``hold`` frames."""
     cases = [
         (([True, False, False, True], 2), None),
-        (([False, True, False, False, False, True], 2), None),  # nothing to hold at first; the third miss is one too many
+        (([False, True, False, False, False, True], 2), None),  # nothing to hold at first; a third miss is too many
         (([True, False, True, False, True, False], 1), None),  # the count begins anew
         (([True, False, False, False, False], 0), None),
     ]
     cases = [(given, _statuses(*given)) for given, _ in cases]
     verdict = function(answer, cases, _words)
     if not verdict and callable(answer):
-        forever = [(given, ["measured" if s else "held" if any(given[0][:i]) else "none" for i, s in enumerate(given[0])])
-                   for given, _ in cases]  # fmt: skip
+
+        def never_ends(seen):
+            return ["measured" if s else "held" if any(seen[:i]) else "none" for i, s in enumerate(seen)]
+
+        forever = [(given, never_ends(given[0])) for given, _ in cases]
         if function(answer, forever, _words):
             return not_yet("a dead lane is held for ever; after `hold` missed frames in a row there is none")
         second = ["measured" if s else "held" for s in cases[1][0][0][:3]]

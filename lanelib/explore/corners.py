@@ -58,7 +58,9 @@ def warp_look(
     x = lane_width_m / 2
     rectangle = [(-x, near_m + length), (x, near_m + length), (x, near_m), (-x, near_m)]
     grid = Grid.uniform(
-        x_range_m=(-ACROSS_M, ACROSS_M), y_range_m=(max(0.5, near_m - 0.06 * length), near_m + 1.06 * length), size_wh=VIEW_WH
+        x_range_m=(-ACROSS_M, ACROSS_M),
+        y_range_m=(max(0.5, near_m - 0.06 * length), near_m + 1.06 * length),
+        size_wh=VIEW_WH,
     )
     view = BirdsEye.from_points(corners, rectangle, camera.size_wh, grid)
     picture = draw.birdseye(view.warp(undistorted_bgr), grid)
@@ -139,8 +141,15 @@ def warp(frame_bgr: np.ndarray, rig: Rig | Camera, truth=None) -> Explorer:
 
     def make(corners, width_m, derive, length_m) -> Look:
         assumed.disabled = derive
-        return warp_look(undistorted, camera, corners, lane_width_m=width_m, length_m=None if derive else length_m,
-                         lines_px=lines, mounting=truth and truth.get("mounting"))  # fmt: skip
+        return warp_look(
+            undistorted,
+            camera,
+            corners,
+            lane_width_m=width_m,
+            length_m=None if derive else length_m,
+            lines_px=lines,
+            mounting=truth and truth.get("mounting"),
+        )
 
     controls = {
         "corners": quad,
@@ -148,11 +157,25 @@ def warp(frame_bgr: np.ndarray, rig: Rig | Camera, truth=None) -> Explorer:
         "derive": tick("derive the length from the camera", True),
         "length_m": assumed,
     }
-    buttons = [button("Classic corners", lambda: explorer.set(corners=plain(classic)), tip="the trapezoid everyone copies")]
+    buttons = [
+        button("Classic corners", lambda: explorer.set(corners=plain(classic)), tip="the trapezoid everyone copies")
+    ]
     if own is not None:
-        buttons.append(button("Rig's corners", lambda: explorer.set(corners=plain(rig_corners(own))),
-                              tip="a rectangle on the road as the rig sees it"))  # fmt: skip
-    explorer = Explorer("Warp explorer: drag the corners, or Tab to one and use the arrow keys", make, controls,
-                        hidden=("corners",), buttons=buttons, beside=quad, alt="bird's-eye view with metres")  # fmt: skip
+        buttons.append(
+            button(
+                "Rig's corners",
+                lambda: explorer.set(corners=plain(rig_corners(own))),
+                tip="a rectangle on the road as the rig sees it",
+            )
+        )
+    explorer = Explorer(
+        "Warp explorer: drag the corners, or Tab to one and use the arrow keys",
+        make,
+        controls,
+        hidden=("corners",),
+        buttons=buttons,
+        beside=quad,
+        alt="bird's-eye view with metres",
+    )
     explorer.pane.layout.width, explorer.pane.layout.flex, explorer.pane.layout.margin = "31%", "0 0 31%", "0 0 0 10px"
     return explorer

@@ -48,8 +48,9 @@ def by_windows(
     """The classic measurement with every number free: pixels of a mask, one parabola a line, the sanity checks."""
     mask, grid, view = frame.mask_view(recipe), frame.view.metric.grid, frame.view
     margin_px = margin_m / grid.column_m
-    pixels = search.sliding_windows(mask, n_windows=n_windows, margin_px=margin_px, minimum_pixels=minimum_pixels,
-                                    centre=float(grid.column_of(0.0)))  # fmt: skip
+    pixels = search.sliding_windows(
+        mask, n_windows=n_windows, margin_px=margin_px, minimum_pixels=minimum_pixels, centre=float(grid.column_of(0.0))
+    )
     left, right = windows.fit_lines(pixels, grid)
     if way == WAYS[1] and left and right:
         around = (windows.pixel_coefficients(line, grid) for line in (left, right))
@@ -89,28 +90,48 @@ def detect_look(
         finder = LaneFinder(view.rig, recipe=recipe, model="joint", track=False)
         result = finder.process(frame.bgr)
         found = paint_points(paint_evidence(view.scan(frame.bgr), column_m=view.grid.column_m)[0])
-        on_road = (view.points(found) if finder.order == "finder"
-                   else view.points_of_mask(view.scan_undistorted(frame.mask(recipe))))  # fmt: skip
+        on_road = (
+            view.points(found)
+            if finder.order == "finder"
+            else view.points_of_mask(view.scan_undistorted(frame.mask(recipe)))
+        )
         metres = np.column_stack([on_road.bearing, np.ones(len(on_road))]) / on_road.inverse[:, None]
         points = {"points_m": metres, "weights": on_road.weight}
         beside = ("paint points", draw.birdseye(frame.above, grid, **points))
-        counts = [Reading(f"rows of paint, {side}", None if result.fit is None else float(result.fit.support[i].sum()), "", 1)
-                  for i, side in enumerate(("left", "right"))]  # fmt: skip
+        counts = [
+            Reading(f"rows of paint, {side}", None if result.fit is None else float(result.fit.support[i].sum()), "", 1)
+            for i, side in enumerate(("left", "right"))
+        ]
     else:
         if minimum_pixels is None:
             minimum_pixels = minimum_by_default(frame, n_windows, margin_m)
-        result, pixels = by_windows(frame, recipe=recipe, way=way, n_windows=n_windows, margin_m=margin_m,
-                                    minimum_pixels=minimum_pixels)  # fmt: skip
+        result, pixels = by_windows(
+            frame, recipe=recipe, way=way, n_windows=n_windows, margin_m=margin_m, minimum_pixels=minimum_pixels
+        )
         beside = (way, draw.draw_windows(mask_view, pixels))
-        counts = [Reading(f"pixels, {side}", len(xy), digits=0)
-                  for side, xy in (("left", pixels.left_xy), ("right", pixels.right_xy))]  # fmt: skip
+        counts = [
+            Reading(f"pixels, {side}", len(xy), digits=0)
+            for side, xy in (("left", pixels.left_xy), ("right", pixels.right_xy))
+        ]
     fit = draw.birdseye(frame.above, grid, lane=result.lane, held=result.status == "none")
-    top = draw.side_by_side([draw.overlay(frame.bgr, result, text=False), beside[1], fit],
-                            ["lane on the frame", beside[0], "fitted lane"], height=TALL, cap_px=10)  # fmt: skip
-    mask = cv2.resize(frame.mask(recipe), (round(LOW * frame.bgr.shape[1] / frame.bgr.shape[0]), LOW), interpolation=cv2.INTER_AREA)
-    chart = draw.histogram_panel(mask_view, (max(200, top.shape[1] - mask.shape[1] - 36), LOW), centre=float(grid.column_of(0)))
-    low = draw.side_by_side([mask, chart], [f"mask of {recipe!r}", "mask pixels per column, lower half of the view from above"],
-                            height=LOW, cap_px=10)  # fmt: skip
+    top = draw.side_by_side(
+        [draw.overlay(frame.bgr, result, text=False), beside[1], fit],
+        ["lane on the frame", beside[0], "fitted lane"],
+        height=TALL,
+        cap_px=10,
+    )
+    mask = cv2.resize(
+        frame.mask(recipe), (round(LOW * frame.bgr.shape[1] / frame.bgr.shape[0]), LOW), interpolation=cv2.INTER_AREA
+    )
+    chart = draw.histogram_panel(
+        mask_view, (max(200, top.shape[1] - mask.shape[1] - 36), LOW), centre=float(grid.column_of(0))
+    )
+    low = draw.side_by_side(
+        [mask, chart],
+        [f"mask of {recipe!r}", "mask pixels per column, lower half of the view from above"],
+        height=LOW,
+        cap_px=10,
+    )
     return Look(stacked([top, low]), tuple(lane_readings(result, truth) + counts))
 
 

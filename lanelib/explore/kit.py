@@ -9,6 +9,7 @@ out and nothing piles up.
 from __future__ import annotations
 
 import html
+import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import contextmanager
@@ -20,23 +21,28 @@ from lanelib.explore.look import WIDTH_PX, Look, message_card, readings_html
 
 STYLE = """<style>
 .lx {max-width: 960px;}
-.lx .lx-controls {flex-flow: row wrap; column-gap: 18px; row-gap: 2px; align-items: center; padding-bottom: 6px;}
+.lx .lx-controls {flex-flow: row wrap; column-gap: 18px; row-gap: 2px; align-items: center;
+  padding-bottom: 6px;}
 .lx .lx-title {font-weight: 600; font-size: 15px; margin: 2px 0;}
-.lx .lx-readings {display: grid; grid-template-columns: repeat(auto-fill, minmax(148px, 1fr)); gap: 6px; margin: 6px 0 2px;}
+.lx .lx-readings {display: grid; grid-template-columns: repeat(auto-fill, minmax(148px, 1fr)); gap: 6px;
+  margin: 6px 0 2px;}
 .lx .lx-readings > div {border-left: 3px solid #56b4e9; padding: 1px 4px 1px 8px; line-height: 1.3;}
-.lx .lx-readings dt, .lx .lx-readings dd {display: block; float: none; width: auto; margin: 0; padding: 0; text-align: left;}
+.lx .lx-readings dt, .lx .lx-readings dd {display: block; float: none; width: auto; margin: 0; padding: 0;
+  text-align: left;}
 .lx .lx-readings dt {font-size: 12px; color: var(--jp-ui-font-color1, #333); font-weight: 400;}
 .lx .lx-readings dd {font-variant-numeric: tabular-nums;}
 .lx .lx-value {font-size: 15px; font-weight: 600; color: var(--jp-content-font-color1, #000);}
 .lx .lx-truth {font-size: 12px; color: var(--jp-ui-font-color1, #333);}
 .lx .lx-note {font-size: 12px; color: var(--jp-ui-font-color2, #555); line-height: 1.4;}
 .lx .lx-alert {border-left: 4px solid #d55e00; padding: 4px 10px; margin: 4px 0; font-weight: 600; line-height: 1.4;}
-.lx .lx-code {font-family: var(--jp-code-font-family, monospace); font-size: 12px; line-height: 1.45; overflow-x: auto; user-select: text;
-  margin: 6px 0 0; padding: 8px 10px; background: var(--jp-layout-color2, #eee); color: var(--jp-content-font-color1, #000);}
+.lx .lx-code {font-family: var(--jp-code-font-family, monospace); font-size: 12px; line-height: 1.45;
+  overflow-x: auto; user-select: text; margin: 6px 0 0; padding: 8px 10px; background: var(--jp-layout-color2, #eee);
+  color: var(--jp-content-font-color1, #000);}
 .lx .widget-image {border-radius: 3px;}
 .lx .widget-box, .lx > .widget-html, .lx .widget-image {margin: 0;}
 .lx .lx-unseen {position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%);}
-.lx .noUi-handle:focus-visible, .lx button:focus-visible, .lx select:focus-visible {outline: 3px solid #0072b2; outline-offset: 1px;}
+.lx .noUi-handle:focus-visible, .lx button:focus-visible, .lx select:focus-visible {outline: 3px solid #0072b2;
+  outline-offset: 1px;}
 </style>"""
 CONTROL = {"flex": "1 1 300px", "max_width": "440px", "min_width": "260px"}
 
@@ -72,8 +78,12 @@ def button(name: str, action: Callable[[], object], *, tip: str = "") -> W.Butto
 
 
 def _labels(name: str, tip: str) -> dict:
-    return {"description": name, "tooltip": tip or name, "style": {"description_width": "118px"},
-            "layout": W.Layout(**CONTROL)}  # fmt: skip
+    return {
+        "description": name,
+        "tooltip": tip or name,
+        "style": {"description_width": "118px"},
+        "layout": W.Layout(**CONTROL),
+    }
 
 
 # ------------------------------------------------------------------------------------------------ the frame
@@ -98,6 +108,7 @@ class Explorer(W.VBox):
     ):
         self.title, self.controls, self._make = title, dict(controls), make
         self._held, self.look, self.milliseconds = 0, None, 0.0
+        self._asked, self._lock = 0, threading.RLock()
         hidden = set(hidden)
         self.picture = W.Image(format="jpeg", layout=W.Layout(width="100%", height="auto", object_fit="contain"))
         self.numbers = W.HTML(layout=W.Layout(width="100%"))
@@ -107,7 +118,9 @@ class Explorer(W.VBox):
         self.pane = W.Box([self.picture], layout=W.Layout(width="100%"))
         picture = self.pane
         if beside is not None:
-            picture = W.Box([beside, self.pane], layout=W.Layout(width="100%", flex_flow="row", align_items="flex-start"))
+            picture = W.Box(
+                [beside, self.pane], layout=W.Layout(width="100%", flex_flow="row", align_items="flex-start")
+            )
         about = f'<div class="lx-unseen">Picture: {html.escape(alt)}</div>' if alt else ""  # an Image has no alt text
         head = W.HTML(f'{STYLE}<div class="lx-title">{html.escape(title)}</div>{about}')
         super().__init__([head, panel, picture, *below, self.numbers], layout=W.Layout(width="100%"))
@@ -147,7 +160,18 @@ class Explorer(W.VBox):
             self.refresh()
 
     def refresh(self) -> None:
-        """Ask for the look of the controls as they stand, and show it."""
+        """Ask for the look of the controls as they stand, and show it.
+
+        JupyterLab handles the messages of widgets in threads of their own (subshells), so a second change may come in
+        while the first is answered: one answer at a time, and of those who wait only the last one asks again.
+        """
+        self._asked += 1
+        mine = self._asked
+        with self._lock:
+            if mine == self._asked:
+                self._answer()
+
+    def _answer(self) -> None:
         begin = time.perf_counter()
         note = ""
         try:

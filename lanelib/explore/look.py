@@ -71,16 +71,24 @@ class Look:
 
     def jpeg(self) -> bytes:
         """The picture as a JPEG file."""
-        options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY, cv2.IMWRITE_JPEG_SAMPLING_FACTOR,
-                   cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]  # fmt: skip
+        options = [
+            cv2.IMWRITE_JPEG_QUALITY,
+            JPEG_QUALITY,
+            cv2.IMWRITE_JPEG_SAMPLING_FACTOR,
+            cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
+        ]
         return cv2.imencode(".jpg", self.picture, options)[1].tobytes()
 
     def _repr_jpeg_(self) -> bytes:
         return self.jpeg()
 
     def __repr__(self) -> str:
-        return "\n".join(f"{r.name}: {r.text}" + (f" (truth {r.truth_text})" if r.truth_text else "")
-                         for r in self.readings) or "Look"  # fmt: skip
+        return (
+            "\n".join(
+                f"{r.name}: {r.text}" + (f" (truth {r.truth_text})" if r.truth_text else "") for r in self.readings
+            )
+            or "Look"
+        )
 
 
 def readings_html(readings: Iterable[Reading]) -> str:
@@ -89,8 +97,9 @@ def readings_html(readings: Iterable[Reading]) -> str:
     for reading in readings:
         truth = f'<dd class="lx-truth">truth {html.escape(reading.truth_text)}</dd>' if reading.truth_text else ""
         name = html.escape(reading.name)
-        items.append(f'<div data-name="{name}"><dt>{name}</dt><dd class="lx-value">{html.escape(reading.text)}</dd>'
-                     f"{truth}</div>")  # fmt: skip
+        items.append(
+            f'<div data-name="{name}"><dt>{name}</dt><dd class="lx-value">{html.escape(reading.text)}</dd>{truth}</div>'
+        )
     return f'<dl class="lx-readings">{"".join(items)}</dl>' if items else ""
 
 

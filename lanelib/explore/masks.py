@@ -46,13 +46,18 @@ def threshold_look(
     grey = np.clip((grey - low) * (255 / (high - low)), 0, 255).astype(np.uint8)
     what = "recipe so far" if show_recipe else "mask of this step"
     colours = ": hits green, missed blue, false alarms vermillion" if truth is not None else ""
-    top = side_by_side([grey, coloured(shown, truth, small)], [step.source, what + colours], height=panel_wh[1], cap_px=10)
+    top = side_by_side(
+        [grey, coloured(shown, truth, small)], [step.source, what + colours], height=panel_wh[1], cap_px=10
+    )
     top = cv2.copyMakeBorder(top, 0, 0, 0, WIDTH_PX - top.shape[1], cv2.BORDER_REPLICATE)
     chart = histogram_chart(
-        _counts(values, low, high), (low, high), (step.low, step.high), (WIDTH_PX, 150),
+        _counts(values, low, high),
+        (low, high),
+        (step.low, step.high),
+        (WIDTH_PX, 150),
         of_paint=_counts(values[truth.paint], low, high) if truth is not None and truth.paint.any() else None,
         title=str(step),
-    )  # fmt: skip
+    )
     readings = [Reading("white pixels", 100 * float((shown != 0).mean()), "%", 2)]
     if truth is not None:
         for name, judged in (("of step", mask), ("of recipe", whole)):
@@ -80,9 +85,16 @@ def threshold(frame_bgr: np.ndarray, truth=None) -> Explorer:
     start = Step()
     source = choice("source", SOURCES, start.source, tip="a colour channel, a gradient, or the project's own ridge")
     chosen = W.FloatRangeSlider(
-        value=(start.low, start.high), min=0, max=255, step=1, readout_format=".0f", description="range",
-        tooltip="lowest and highest value that pass", style={"description_width": "118px"}, layout=W.Layout(**CONTROL),
-    )  # fmt: skip
+        value=(start.low, start.high),
+        min=0,
+        max=255,
+        step=1,
+        readout_format=".0f",
+        description="range",
+        tooltip="lowest and highest value that pass",
+        style={"description_width": "118px"},
+        layout=W.Layout(**CONTROL),
+    )
     channel = choice("gradient of", tuple(CHANNELS), "grey", tip="the channel whose gradient is taken")
     ksize = counter("kernel", 3, 1, 15, step=2, tip="side of the Sobel kernel in pixels")
     equalise = tick("CLAHE first", tip="equalise the lightness before anything else")
@@ -101,8 +113,16 @@ def threshold(frame_bgr: np.ndarray, truth=None) -> Explorer:
             frame, current(s), s["steps"], truth=judged, show_recipe=s["show_recipe"], values_of=values_of
         )
 
-    controls = {"source": source, "range": chosen, "channel": channel, "ksize": ksize, "equalise": equalise,
-                "show_recipe": show_recipe, "way": way, "steps": recipe}  # fmt: skip
+    controls = {
+        "source": source,
+        "range": chosen,
+        "channel": channel,
+        "ksize": ksize,
+        "equalise": equalise,
+        "show_recipe": show_recipe,
+        "way": way,
+        "steps": recipe,
+    }
 
     def add():
         with explorer.together():
@@ -126,11 +146,19 @@ def threshold(frame_bgr: np.ndarray, truth=None) -> Explorer:
             chosen.readout_format = ".0f" if step >= 1 else ".2f"
             chosen.value = (begin, end)
 
-    buttons = [button("Add step", add, tip="add this step to the recipe"),
-               button("Drop last", drop, tip="take the last step out of the recipe"),
-               button("Clear", clear, tip="empty the recipe")]  # fmt: skip
-    explorer = Explorer("Threshold explorer", make, controls, hidden=("steps",), buttons=buttons,
-                        alt="source, mask and histogram of the frame")  # fmt: skip
+    buttons = [
+        button("Add step", add, tip="add this step to the recipe"),
+        button("Drop last", drop, tip="take the last step out of the recipe"),
+        button("Clear", clear, tip="empty the recipe"),
+    ]
+    explorer = Explorer(
+        "Threshold explorer",
+        make,
+        controls,
+        hidden=("steps",),
+        buttons=buttons,
+        alt="source, mask and histogram of the frame",
+    )
     explorer.recipe = recipe
     source.unobserve(explorer._changed, "value")
     source.observe(other_source, "value")

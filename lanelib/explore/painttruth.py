@@ -39,7 +39,9 @@ def paint_truth(truth, size_wh: tuple[int, int]) -> PaintTruth:
     width, height = size_wh
     if isinstance(truth, np.ndarray):
         if truth.shape != (height, width):
-            raise LanelibError(f"a paint mask of {width}x{height} is needed, found shape {truth.shape}; use the frame's")
+            raise LanelibError(
+                f"a paint mask of {width}x{height} is needed, found shape {truth.shape}; use the frame's"
+            )
         return PaintTruth(truth != 0, np.ones((height, width), bool))
     if not isinstance(truth, Mapping) or "h_samples" not in truth or "lanes" not in truth:
         raise LanelibError("truth must be a frame of load_truth(folder) or a mask (H, W), found something else")
@@ -74,8 +76,12 @@ def coloured(mask: np.ndarray, truth: PaintTruth | None, under_bgr: np.ndarray) 
     layers = [(on, "text")]
     if truth is not None:
         judged = on & truth.road
-        layers = [(on & ~truth.road, "text"), (judged & ~truth.paint, "none"), (truth.paint & ~on, "accent"),
-                  (judged & truth.paint, "estimate")]  # fmt: skip
+        layers = [
+            (on & ~truth.road, "text"),
+            (judged & ~truth.paint, "none"),
+            (truth.paint & ~on, "accent"),
+            (judged & truth.paint, "estimate"),
+        ]
     out = under_bgr.astype(np.float32) * 0.45
     for where, colour in layers:
         share = cv2.resize(where.astype(np.uint8) * 255, size_wh, interpolation=cv2.INTER_AREA)

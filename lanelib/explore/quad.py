@@ -22,14 +22,16 @@ function render({ model, el }) {
     return e;
   };
   const [w, h] = model.get("size");
-  const svg = make("svg", { viewBox: `0 0 ${w} ${h}`, class: "lx-quad", role: "group", "aria-label": model.get("label") });
+  const named = { role: "group", "aria-label": model.get("label") };
+  const svg = make("svg", { viewBox: `0 0 ${w} ${h}`, class: "lx-quad", ...named });
   const image = make("image", { width: w, height: h });
   const area = make("polygon", { class: "lx-quad-area", "stroke-width": w / 450 });
   svg.append(image, area);
   let corners = [], dragged = -1, from = [0, 0], url = null, waiting = false;
   const clamp = (v, top) => Math.round(Math.min(top, Math.max(0, v)) * 10) / 10;
   const handles = model.get("names").map((name, i) => {
-    const g = make("g", { class: "lx-quad-corner", tabindex: 0, role: "slider", "aria-label": `corner ${name}` });
+    const named = { role: "slider", "aria-label": `corner ${name}` };
+    const g = make("g", { class: "lx-quad-corner", tabindex: 0, ...named });
     g.append(make("circle", { r: w / 60, class: "lx-quad-ring" }), make("circle", { r: w / 320, class: "lx-quad-dot" }));
     const inPicture = (e) => new DOMPoint(e.clientX, e.clientY).matrixTransform(svg.getScreenCTM().inverse());
     g.addEventListener("pointerdown", (e) => {
@@ -78,7 +80,10 @@ function render({ model, el }) {
   };
   model.on("change:image", setImage); model.on("change:value", setCorners);
   setImage(); setCorners(); el.append(svg);
-  return () => { model.off("change:image", setImage); model.off("change:value", setCorners); URL.revokeObjectURL(url); };
+  return () => {
+    model.off("change:image", setImage); model.off("change:value", setCorners);
+    URL.revokeObjectURL(url);
+  };
 }
 export default { render };
 """

@@ -119,10 +119,14 @@ def _table():
 def simulator(**start) -> Explorer:
     """Explore a simulated road; ``start``: values that controls begin with (the arguments of `scene_of`, `recipe`)."""
     controls = {
-        "bend_1pkm": slider("bend, 1/km", 0, -12, 12, 0.1, digits=1, tip="curvature, positive to the left; 5 is R 200 m"),
+        "bend_1pkm": slider(
+            "bend, 1/km", 0, -12, 12, 0.1, digits=1, tip="curvature, positive to the left; 5 is R 200 m"
+        ),
         "offset_m": slider("offset, m", 0, -1.5, 1.5, 0.05, tip="the car's place, positive right of the centre"),
         "heading_deg": slider("heading, °", 0, -4, 4, 0.1, digits=1, tip="where the lane leads, positive to the right"),
-        "pitch_deg": slider("nod, °", 0, -2, 2, 0.05, tip="the car's nose down (positive) or up; the rig does not know"),
+        "pitch_deg": slider(
+            "nod, °", 0, -2, 2, 0.05, tip="the car's nose down (positive) or up; the rig does not know"
+        ),
         "wear": slider("wear of paint", 0.2, 0, 1, 0.02, tip="0 is new paint, 1 is none"),
         "light": slider("light", 1.0, 0.02, 2.5, 0.02, tip="1 is full sun"),
         "noise": slider("noise", 2.5, 0, 30, 0.5, digits=1, tip="standard deviation in grey levels"),
@@ -139,6 +143,11 @@ def simulator(**start) -> Explorer:
 
 def _with_reset(controls, first) -> Explorer:
     reset = button("Reset", lambda: explorer.set(**first), tip="all controls as at the start")
-    explorer = Explorer("Road simulator", simulator_look, controls, buttons=[reset],
-                        alt="simulated road with the lane found, and the road from above")  # fmt: skip
+    explorer = Explorer(
+        "Road simulator",
+        simulator_look,
+        controls,
+        buttons=[reset],
+        alt="simulated road with the lane found, and the road from above",
+    )
     return explorer

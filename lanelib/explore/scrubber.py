@@ -72,14 +72,22 @@ def badness_of(result: LaneResult, truth: Mapping | None, camera) -> float:
     """See `Clip.badness`."""
     if not truth:
         return 100 * (1 - result.confidence)
-    score = frame_score(truth, result.to_row("frame") if result else None, camera.scaled(result.size_wh) if result else None)
+    score = frame_score(
+        truth, result.to_row("frame") if result else None, camera.scaled(result.size_wh) if result else None
+    )
     if not score.has_lane or not score.claimed:
         return 100.0 * (score.has_lane != score.claimed)
     return float(np.mean(np.minimum(np.nan_to_num(np.concatenate(score.errors_px), nan=100.0), 100.0)))
 
 
 def look_through(
-    path: str | Path, rig: Rig, *, start_s: float = 0.0, end_s: float | None = None, truth: Mapping[str, dict] | None = None, **finder
+    path: str | Path,
+    rig: Rig,
+    *,
+    start_s: float = 0.0,
+    end_s: float | None = None,
+    truth: Mapping[str, dict] | None = None,
+    **finder,
 ) -> Clip:
     """Find the lane in a section of a video, in order, with tracking. ``truth``: of `truth.load_truth`; ``finder``:
     the options of `LaneFinder`."""
@@ -95,7 +103,9 @@ def look_through(
             clip.results.append(made.process(frame.frame_bgr))
             clip.truths.append((truth or {}).get(f"{name}:{frame.index:06d}"))
     if not clip.pictures:
-        raise LanelibError(f"{path}: needed frames between {start_s:g} and {end_s:g} s, found none; choose another section")
+        raise LanelibError(
+            f"{path}: needed frames between {start_s:g} and {end_s:g} s, found none; choose another section"
+        )
     return clip
 
 
@@ -115,8 +125,14 @@ def scrub_look(clip: Clip, number: int, stage: str = "lane") -> Look:
     times = np.asarray(clip.times_s)
     title = "error, px (missed: 100)" if any(clip.truths) else "100 % - confidence"
     curve = Curve("worse is higher", times, clip.badness, "held")
-    chart = line_chart([curve], (WIDTH_PX, 96), title=title, x_unit="s", y_range=(0, max(10.0, float(clip.badness.max()) * 1.05)),
-                       cursor=float(times[number]))  # fmt: skip
+    chart = line_chart(
+        [curve],
+        (WIDTH_PX, 96),
+        title=title,
+        x_unit="s",
+        y_range=(0, max(10.0, float(clip.badness.max()) * 1.05)),
+        cursor=float(times[number]),
+    )
     readings = [
         Reading("frame", number, digits=0),
         Reading("time", clip.times_s[number], "s", 2),
@@ -166,6 +182,8 @@ def scrub_clip(clip: Clip, *, stages_offered: Sequence[str] = STAGES) -> Explore
         button("Next worst", lambda: jump(1), tip="the worst moment of the clip, then the next one"),
     ]
     controls = {"number": number, "stage": choice("stage", tuple(stages_offered), stages_offered[0])}
-    explorer = Explorer("Video scrubber", make, controls, buttons=buttons, alt="a frame of the clip, and the clip's course")
+    explorer = Explorer(
+        "Video scrubber", make, controls, buttons=buttons, alt="a frame of the clip, and the clip's course"
+    )
     number.observe(lambda change: player.set_trait("answered", change["new"]), "value")  # after the explorer's answer
     return explorer

@@ -67,7 +67,9 @@ def true_centre_at(truth: Mapping | None, y_m: float) -> float:
     """The same of a frame of the truth; NaN where there is none."""
     if not truth or len(truth.get("lanes_road_m", ())) != 2:
         return math.nan
-    xs = [np.interp(y_m, *np.asarray(line, float)[:, ::-1].T, left=np.nan, right=np.nan) for line in truth["lanes_road_m"]]
+    xs = [
+        np.interp(y_m, *np.asarray(line, float)[:, ::-1].T, left=np.nan, right=np.nan) for line in truth["lanes_road_m"]
+    ]
     return float(np.mean(xs))
 
 
@@ -109,19 +111,31 @@ def smoothing_look(
     raw = np.array([centre_at(None if fit is None else fit.mean, ahead_m) for fit in fits])
     found = np.array([centre_at(mean, ahead_m) for mean in means])
     true = np.array([true_centre_at(t, ahead_m) for t in truth]) if truth is not None else np.full(len(fits), np.nan)
-    curves = [Curve("each frame alone", time_s, raw, "other", points=True), Curve("smoothed", time_s, found, "estimate")]
+    curves = [
+        Curve("each frame alone", time_s, raw, "other", points=True),
+        Curve("smoothed", time_s, found, "estimate"),
+    ]
     if truth is not None:
         curves.insert(0, Curve("truth", time_s, true, "text", 1.5))
     held = np.array([status == "held" for status in statuses])
     starts = np.flatnonzero(held & ~np.r_[False, held[:-1]])
     ends = np.flatnonzero(held & ~np.r_[held[1:], False]) + 1
     shaded = np.column_stack([starts, ends]) / fps - 0.5 / fps
-    charts = [line_chart(curves, (WIDTH_PX, 220), title=f"centre of the lane {ahead_m:g} m ahead, m (orange: held)",
-                         x_unit="s", shaded=shaded)]  # fmt: skip
+    charts = [
+        line_chart(
+            curves,
+            (WIDTH_PX, 220),
+            title=f"centre of the lane {ahead_m:g} m ahead, m (orange: held)",
+            x_unit="s",
+            shaded=shaded,
+        )
+    ]
     readings = []
     if truth is not None:
-        errors = [Curve("each frame alone", time_s, 100 * (raw - true), "other", points=True),
-                  Curve("smoothed", time_s, 100 * (found - true), "estimate")]  # fmt: skip
+        errors = [
+            Curve("each frame alone", time_s, 100 * (raw - true), "other", points=True),
+            Curve("smoothed", time_s, 100 * (found - true), "estimate"),
+        ]
         largest = np.nanpercentile(np.abs(np.concatenate([raw - true, found - true, [0.01]])), 99) * 110
         charts.append(line_chart(errors, (WIDTH_PX, 150), title="error, cm", x_unit="s", y_range=(-largest, largest)))
         for name, x in (("", found), (", each frame alone", raw)):
@@ -131,9 +145,14 @@ def smoothing_look(
             ]
         readings.append(Reading("lag", lag_s(time_s, true, found), "s", 2))
     else:
-        readings += [Reading("jitter", 100 * _rms(np.diff(found)), "cm a frame", 2),
-                     Reading("jitter, each frame alone", 100 * _rms(np.diff(raw)), "cm a frame", 2)]  # fmt: skip
-    readings += [Reading("frames held", statuses.count("held"), digits=0), Reading("frames without", statuses.count("none"), digits=0)]
+        readings += [
+            Reading("jitter", 100 * _rms(np.diff(found)), "cm a frame", 2),
+            Reading("jitter, each frame alone", 100 * _rms(np.diff(raw)), "cm a frame", 2),
+        ]
+    readings += [
+        Reading("frames held", statuses.count("held"), digits=0),
+        Reading("frames without", statuses.count("none"), digits=0),
+    ]
     return Look(np.vstack(charts), tuple(readings))
 
 

@@ -16,10 +16,22 @@ RIDGES = ("brightness ridge", "yellow ridge")
 SOURCES = (*CHANNELS, *GRADIENTS, *RIDGES)
 # Where each source starts: the value that the classic recipes (or, for ridges, the project's own) use.
 STARTS = {
-    "grey": (200, 255), "rgb_r": (220, 255), "hls_l": (215, 255), "hls_s": (170, 255), "hsv_v": (200, 255),
-    "lab_b": (155, 255), "hls_h": (15, 35), "hsv_h": (15, 35), "yuv_u": (0, 105), "sobel x": (20, 200),
-    "sobel y": (20, 200), "magnitude": (30, 200), "direction": (0.5, 1.3), "brightness ridge": (1, 4), "yellow ridge": (1, 4),
-}  # fmt: skip
+    "grey": (200, 255),
+    "rgb_r": (220, 255),
+    "hls_l": (215, 255),
+    "hls_s": (170, 255),
+    "hsv_v": (200, 255),
+    "lab_b": (155, 255),
+    "hls_h": (15, 35),
+    "hsv_h": (15, 35),
+    "yuv_u": (0, 105),
+    "sobel x": (20, 200),
+    "sobel y": (20, 200),
+    "magnitude": (30, 200),
+    "direction": (0.5, 1.3),
+    "brightness ridge": (1, 4),
+    "yellow ridge": (1, 4),
+}
 WAYS = ("OR", "AND", "AND NOT")
 
 
@@ -127,8 +139,16 @@ def recipe_code(steps: Sequence[Step], name: str = "my_recipe") -> str:
     used = "\n".join(lines)
     needs = {
         "lanelib.channels": ("CHANNELS", "equalise_lightness", "in_range"),
-        "lanelib.threshold": ("abs_sobel_mask", "all_of", "any_of", "direction_mask", "magnitude_mask", "paint_ridges", "sobel"),
-    }  # fmt: skip
+        "lanelib.threshold": (
+            "abs_sobel_mask",
+            "all_of",
+            "any_of",
+            "direction_mask",
+            "magnitude_mask",
+            "paint_ridges",
+            "sobel",
+        ),
+    }
     head = ["import numpy as np"] if "np." in used else []
     for module, names in needs.items():
         names = [n for n in names if f"{n}(" in used or f"{n}[" in used]

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from lanelib.draw import PALETTE, SERIES
 from lanelib.figures.style import INK, SOFT, WIDTH_IN, extent_of, in_style, put_picture
-from lanelib.hypotheses import BEARINGS, BENDS, X_BINS_M, votes
+from lanelib.hypotheses import BENDS, X_BINS_M, votes
 from lanelib.jointfit import Points
 
 
@@ -19,7 +19,8 @@ from lanelib.jointfit import Points
 def above(view_bgr: np.ndarray, grid, lanes: Mapping[str, object], *, truth_m=None, y_max_m: float = 40.0) -> Figure:
     """Lanes by name on one bird's-eye picture (H, W, 3) of a uniform ``grid``, a panel each; ``truth_m``: [left,
     right], each (N, 2) metres, dashed. Lines are thin where no paint was seen. A lane may be None."""
-    figure, axes = plt.subplots(1, len(lanes), figsize=(WIDTH_IN, 5.2), layout="constrained", sharey=True, squeeze=False)
+    size = (WIDTH_IN, 5.2)
+    figure, axes = plt.subplots(1, len(lanes), figsize=size, layout="constrained", sharey=True, squeeze=False)
     for a, (name, lane) in zip(axes[0], lanes.items(), strict=True):
         put_picture(a, view_bgr, name, extent_of(grid))
         for side in ("left", "right") if lane is not None else ():
@@ -47,7 +48,8 @@ def checks(rows: Mapping[str, tuple]) -> Figure:
         for check in row:
             j = names.index(check.name)
             table[i, j] = check.ok
-            value = f"{check.value:.4f}" if abs(check.value) < 0.05 else (f"{check.value:.0f}" if check.value > 100 else f"{check.value:.3g}")
+            large = f"{check.value:.0f}" if check.value > 100 else f"{check.value:.3g}"
+            value = f"{check.value:.4f}" if abs(check.value) < 0.05 else large
             texts.append((j, i, ("✓ " if check.ok else "✗ ") + ("straight" if check.value > 9999 else value)))
     a.imshow(table, cmap=ListedColormap(["#f6c9ad", "#d3efe4"]), vmin=0, vmax=1, aspect="auto")
     for j, i, text in texts:

@@ -23,10 +23,10 @@ def tradeoff(families: Mapping[str, Sequence[tuple[str, float, float, float]]]) 
             a.plot(x, jitter, "o-", color=SERIES[i], label=name, markersize=5, linewidth=1.4)
             for label, u, v in zip(labels, x, jitter, strict=True):
                 a.annotate(label, (u, v), xytext=(5, 4), textcoords="offset points", fontsize=7.5, color=SOFT)
-    axes[0].set(xscale="log", yscale="log", xlabel="error, cm", ylabel="jitter, cm a frame")
+    axes[0].set(xlabel="error, cm", ylabel="jitter, cm a frame", xlim=(0, None), ylim=(0, None))
     axes[1].set(xlabel="lag, s")
-    axes[0].set_title("better is lower left")
-    axes[1].legend(loc="lower right")
+    axes[0].set_title("lower left is better")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(families))
     return figure
 
 

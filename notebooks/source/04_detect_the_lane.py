@@ -93,8 +93,8 @@ figures.fit(Lane(plain["left"], plain["right"]), points_m={"other": np.column_st
             truth_m=true_lines, y_max_m=40)
 
 # %%
-notebook.say(" ".join(f"The {side} line: radius {line.radius_m() / 1000:.3f} km." for side, line in plain.items())
-             + f" The truth is {here['radius_m'] / 1000:.3f} km for both.")
+said = [f"The {side} line: radius {line.radius_m() / 1000:.3f} km." for side, line in plain.items()]
+notebook.say(" ".join(said) + f" The truth is {here['radius_m'] / 1000:.3f} km for both.")
 
 # %% [markdown]
 # Both are useless. Least squares gives every white pixel a vote, and most of them are not lane line: the road's edge,
@@ -164,8 +164,8 @@ for i, margin_m in enumerate(margins_m):
         pixels = search.sliding_windows(m, margin_px=margin_m / grid.column_m, centre=float(grid.column_of(0)))
         for k, line in enumerate(windows.fit_lines(pixels, grid)):
             errors[i, j, k] = abs(line.x(20) - true_x(truth[n], 20)[k]) if line else np.nan
-figures.curves(margins_m, {"mean": 100 * np.nanmean(errors, (1, 2)), "worst line": 100 * np.nanmax(errors, (1, 2))},
-               xlabel="margin, m", ylabel="error at 20 m, cm", logy=True)
+in_cm = {"mean": 100 * np.nanmean(errors, (1, 2)), "worst line": 100 * np.nanmax(errors, (1, 2))}
+figures.curves(margins_m, in_cm, xlabel="margin, m", ylabel="error at 20 m, cm", logy=True)
 
 # %%
 notebook.say("Mean error at 20 m: " + ", ".join(f"{100 * e:.1f} cm with {m:g} m"
@@ -185,9 +185,10 @@ notebook.say("Mean error at 20 m: " + ", ".join(f"{100 * e:.1f} cm with {m:g} m"
 explore.detect(frame, rig, here)
 
 # %% alt="Four panels of windows on the mask: 3, 9 and 18 windows, and 9 windows with a margin of 1.5 m that take in pixels of other things."
-settings = {"3 windows": (3, 0.6), "9 windows": (9, 0.6), "18 windows": (18, 0.6), "9 windows, margin 1.5 m": (9, 1.5)}
-figures.show({title: draw.draw_windows(mask, search.sliding_windows(mask, n_windows=n, margin_px=m / grid.column_m))
-              for title, (n, m) in settings.items()}, columns=4, width=8.5)
+settings = {"3 windows": (3, 0.6), "9 windows": (9, 0.6), "18 windows": (18, 0.6), "9, margin 1.5 m": (9, 1.5)}
+seen = {title: search.sliding_windows(mask, n_windows=n, margin_px=margin_m / grid.column_m)
+        for title, (n, margin_m) in settings.items()}
+figures.show({title: draw.draw_windows(mask, pixels) for title, pixels in seen.items()}, columns=4, width=8.5)
 
 # %% [markdown]
 # With three windows even the solid line leaves its window. With eighteen the far dash of the right line is found, with nine
@@ -255,7 +256,7 @@ notebook.say("Error 30 m ahead: " + ", ".join(
 
 # %%
 def bend_in_metres(a, sx, sy):
-    """A of x = A y² + B y + C in metres, from a of u = a v² + b v + c in pixels; sx, sy: metres a column, a row."""
+    """A in 1/m, from a of u = a v² + b v + c in pixels; sx, sy: metres a column, a row."""
     # BEGIN SOLUTION
     return a * sx / sy**2
     # END SOLUTION
@@ -310,7 +311,7 @@ figures.bars({way: radius / 1000 for way, radius in radii_m.items()} | {"truth":
 speed_mps, room_m = 25.0, 0.9  # half a lane less half a car
 for told_m in (8000.0, 600.0, 480.0):
     seconds = np.sqrt(2 * room_m / abs(1 / here["radius_m"] - 1 / told_m)) / speed_mps
-    print(f"told {told_m / 1000:.2f} km instead of {here['radius_m'] / 1000:.2f} km: on the line after {seconds:.2f} s")
+    print(f"told {told_m / 1000:.2f} km, is {here['radius_m'] / 1000:.2f} km: on the line after {seconds:.2f} s")
 
 # %% [markdown]
 # ### Exercise 3: The lane's curvature
@@ -388,8 +389,8 @@ figures.fit(lane, points_m=points, truth_m=true_lines, y_max_m=40)
 
 # %%
 small = rig.scaled((640, 360))
-base = Scene(camera_matrix=tuple(map(tuple, small.camera.camera_matrix)), distortion=tuple(small.camera.distortion),
-             mounting=Mounting(**small.mounting), others=())
+lens = {"camera_matrix": tuple(map(tuple, small.camera.camera_matrix)), "distortion": tuple(small.camera.distortion)}
+base = Scene(**lens, mounting=Mounting(**small.mounting), others=())
 
 
 def drive(radius_m=np.inf, **changes):
@@ -473,10 +474,10 @@ broken = {
 # %%
 broken |= {
     "the nose 1.5° down": drive(**solid, mounting=nodding)[0],
-    "halves: R 110 m and straight": stitched(drive(-110.0, **solid)[0], straight),
-    "halves: straight and R 40 m": stitched(straight, drive(40.0, **solid)[0]),
+    "R 110 m + straight": stitched(drive(-110.0, **solid)[0], straight),
+    "straight + R 40 m": stitched(straight, drive(40.0, **solid)[0]),
     "a hairpin, R 13 m": drive(13.0, **solid)[0],
-    "0.7 m beside the last lane": drive(**solid, pose=CarPose(0.0, 0.7))[0],
+    "0.7 m off the last lane": drive(**solid, pose=CarPose(0.0, 0.7))[0],
 }
 before = Lane(*two_lines(straight))
 outcome = {what: check_lane(Lane(*two_lines(picture)), before if "last" in what else None)
@@ -512,12 +513,13 @@ separate = Lane(*two_lines(picture))
 finder = LaneFinder(small, track=False)
 joint = finder.process(picture).lane
 above = finder.view((640, 360)).metric.warp(small.camera.undistort(picture))
-n04.above(above, grid, {"two lines": separate, "one lane": joint}, truth_m=[np.array(line)[:23] for line in exact["lanes_road_m"]])
+exact_lines = [np.array(line)[:23] for line in exact["lanes_road_m"]]
+n04.above(above, grid, {"two lines": separate, "one lane": joint}, truth_m=exact_lines)
 
 # %%
 for what, this in (("two lines", separate), ("one lane", joint)):
-    print(f"{what}: radius {this.radius_m / 1000:.2f} km, offset {this.offset_m:+.2f} m, width {this.width_m():.2f} m")
-print(f"truth: radius {exact['radius_m'] / 1000:.2f} km, offset {exact['offset_m']:+.2f} m, width 3.66 m")
+    print(f"{what}: radius {this.radius_m / 1000:.2f} km, offset {this.offset_m:+.2f} m, {this.width_m():.2f} m wide")
+print(f"truth: radius {exact['radius_m'] / 1000:.2f} km, offset {exact['offset_m']:+.2f} m, 3.66 m wide")
 print("checks that the two lines fail:", [check.name for check in check_lane(separate) if not check.ok] or "none")
 
 # %% [markdown]
@@ -579,9 +581,9 @@ exercises.check_fit_shared(fit_shared)
 # %%
 nod = finder.process(broken["the nose 1.5° down"])
 two = two_lines(broken["the nose 1.5° down"])
-widths = [(r - l) for l, r in zip(two[0].x(np.array([0, 20])), two[1].x(np.array([0, 20])), strict=True)]
-notebook.say(f"Two lines: {widths[0]:.2f} m apart at the car, {widths[1]:.2f} m at 20 m. One lane: {nod.width_m:.2f} m wide, "
-             f"and the nose {np.degrees(nod.fit.mean[PITCH]):.2f}° down.")
+near, far = (two[1].x(y) - two[0].x(y) for y in (0.0, 20.0))
+notebook.say(f"Two lines: {near:.2f} m apart at the car, {far:.2f} m at 20 m. "
+             f"One lane: {nod.width_m:.2f} m wide, and the nose {np.degrees(nod.fit.mean[PITCH]):.2f}° down.")
 
 # %% [markdown]
 # ## Where to begin: votes instead of windows
@@ -609,9 +611,9 @@ for mean in hypotheses(paint):
     print(f"candidate: offset {-centre:+.2f} m, curvature {-2000 * bend:+.1f} per km, width {width:.2f} m, "
           f"pitch {np.degrees(pitch):+.1f}°")
 result = whole.process(frame)
-notebook.say(f"Fitted: offset {result.offset_m:+.2f} m, width {result.width_m:.2f} m, curvature {1000 * result.curvature_1pm:.2f} "
-             f"± {1000 * result.lane.std['curvature_1pm']:.2f} per km (truth {here['offset_m']:+.2f}, "
-             f"{here['lane_width_m']:.2f}, {1000 * here['curvature_1pm']:.2f}).")
+bend, sigma = 1000 * result.curvature_1pm, 1000 * result.lane.std["curvature_1pm"]
+notebook.say(f"Fitted: offset {result.offset_m:+.2f} m, width {result.width_m:.2f} m, curvature {bend:.2f} ± {sigma:.2f} "
+             f"per km (truth {here['offset_m']:+.2f}, {here['lane_width_m']:.2f}, {1000 * here['curvature_1pm']:.2f}).")
 
 # %% [markdown]
 # ## What it gains
@@ -624,13 +626,13 @@ rng, lateral = np.random.default_rng(4), {"two lines": [], "one lane": []}
 apart = LaneFinder(small, model="windows", track=False)
 for i in range(20):
     wear, pitch_deg = rng.uniform(0.2, 0.8, 2), base.mounting.pitch_deg + rng.normal(0, 0.3)
-    scene = {"left": Marking(-1.83, "yellow", wear=wear[0]), "pose": CarPose(50.0, rng.uniform(-0.4, 0.4)), "seed": i,
+    scene = {"left": Marking(-1.83, "yellow", wear=wear[0]), "seed": i,
              "right": Marking(1.83, "white", gap_m=10.97, phase_m=rng.uniform(0, 14.6), wear=wear[1]),
-             "mounting": replace(base.mounting, pitch_deg=pitch_deg)}
+             "pose": CarPose(50.0, rng.uniform(-0.4, 0.4)), "mounting": replace(base.mounting, pitch_deg=pitch_deg)}
     picture, entry = drive(rng.choice([-1, 1]) * rng.uniform(150, 900), **scene)
     for what, this in (("two lines", apart.process(picture)), ("one lane", finder.process(picture))):
-        off = np.array([this.lane.left.x(20), this.lane.right.x(20)]) - true_x(entry, 20) if this else [np.nan] * 2
-        lateral[what].append(100 * np.array(off))
+        x = [this.lane.left.x(20), this.lane.right.x(20)] if this else [np.nan, np.nan]
+        lateral[what].append(100 * (np.array(x) - true_x(entry, 20)))
 
 # %% alt="Errors at 20 m as dots in two rows: two separate lines scatter by up to tens of centimetres, one joint lane lies within about two centimetres."
 n04.dots(lateral, unit="error of each line at 20 m, cm", limit=40, title="twenty roads, two lines each")
@@ -639,8 +641,8 @@ n04.dots(lateral, unit="error of each line at 20 m, cm", limit=40, title="twenty
 for what, values in lateral.items():
     values = np.abs(np.array(values))
     none = np.isnan(values[:, 0]).mean()
-    print(f"{what}: median {np.nanmedian(values):.1f} cm, one in ten worse than {np.nanpercentile(values, 90):.1f} cm, "
-          f"no lane in {none:.2f} of the frames")
+    print(f"{what}: median {np.nanmedian(values):.1f} cm, one in ten worse than "
+          f"{np.nanpercentile(values, 90):.1f} cm, no lane in {none:.2f} of the frames")
 
 # %% [markdown]
 # About a tenth of the error, and no frame lost: the solid line carries the dashed one, and what the checks threw away as

@@ -288,6 +288,9 @@ nodding = ablation.ablate(explore.simulated_rig(), {k: f for k, (f, _) in nods.i
 notebook.say("Nods of 0.4° and 0.8°, simulated:\n\n" + ablation.comparison(nodding))
 
 # %% [markdown]
+# Mind how the centimetres are counted: over the lanes that were claimed. A finder that gives up on half of the frames
+# looks better in these columns than it is; the first column tells.
+#
 # And in motion, with tracking:
 
 # %%
@@ -342,8 +345,8 @@ notebook.say(f"A lane is claimed in **{len(claims)} of {len(empty)}** frames wit
 
 # %% [markdown]
 # Black, white and noise are easy. A bare road has edges, and the edge between asphalt and grass is a line like another:
-# where the finder takes it for one, it says so with a confidence close to 0 (a good lane has 0.8 and more). Whoever uses
-# a lane has to ask for its confidence first; a claim without it is worth nothing.
+# where the finder takes it for one, its confidence is far below that of a good lane (0.8 and more). Whoever uses a lane
+# has to ask for its confidence first.
 
 # %% [markdown]
 # ## The gallery: look at every failure
@@ -372,20 +375,21 @@ for label in ("textbook", "with pitch and hill"):
 
 # %%
 name = "concrete_seams.jpg"
-bright = ablation.darker(1.4)(frames[name])
+bright = ablation.lit(1.4)(frames[name])
 blind = LaneFinder(rig, track=False).process(bright)
 off = np.abs(ablation.believed_error_m(blind.lane, truth[name])[:, 1])
 notebook.say(f"{blind.status}: " + (f"a line {np.nanmax(off):.2f} m off at 10 m, confidence "
              f"{blind.confidence:.2f}" if blind else blind.reason))
 
-# %% alt="Stages of the burnt-out frame: the road is nearly white; the evidence follows dark cracks and tyre marks; the lane lies beside the true one."
+# %% alt="Stages of the burnt-out frame: the road is nearly white; the evidence follows dark cracks and tyre marks; and what the finder makes of it."
 stages = LaneFinder(rig, track=False).stages(bright)
 figures.show({k: stages[k] for k in ("frame", "evidence", "lane")})
 
 # %% [markdown]
 # Stage by stage: the frame is burnt out, paint and concrete are both 255. So there is no ridge left where the paint is,
-# and what stands out in the evidence are the strips between dark cracks and tyre marks. The fit then finds the best
-# pair of those. No later stage can repair that; it is a matter for the camera's exposure.
+# and what stands out in the evidence are strips between dark cracks and tyre marks. All that the fit can do is to say
+# that this is no lane, or to take the best pair of strips for one. No later stage can repair that; it is a matter for
+# the camera's exposure.
 #
 # ## Find the worst moment
 #

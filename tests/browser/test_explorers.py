@@ -69,8 +69,11 @@ class Panel:
             name = name.replace("_", " ")
             try:
                 self.page.wait_for_function(
-                    """([box, name, text]) => box.querySelector(`[data-name="${name}"] .lx-value`)?.textContent === text""",
-                    arg=[self.box.element_handle(), name, text], timeout=10_000)  # fmt: skip
+                    """([box, name, text]) =>
+                        box.querySelector(`[data-name="${name}"] .lx-value`)?.textContent === text""",
+                    arg=[self.box.element_handle(), name, text],
+                    timeout=10_000,
+                )
             except Exception as error:
                 raise AssertionError(f"{name}: {text!r} is right, {self.reads(name)!r} is shown") from error
         self.changes()
@@ -194,8 +197,11 @@ def test_warp_by_mouse_and_keyboard(panel, lab_page):
         )
         y = view.road_from_points(corners)[:, 1]
         mounting = view.mounting(scenes.CAMERA)
-        return {"length,_derived": f"{(y[0] + y[1] - y[2] - y[3]) / 2:.1f} m", "pitch": f"{mounting['pitch_deg']:+.2f} °",
-                "camera_height": f"{mounting['height_m']:.2f} m"}  # fmt: skip
+        return {
+            "length,_derived": f"{(y[0] + y[1] - y[2] - y[3]) / 2:.1f} m",
+            "pitch": f"{mounting['pitch_deg']:+.2f} °",
+            "camera_height": f"{mounting['height_m']:.2f} m",
+        }
 
     shown.shows(**expected())
     # And the far right one by keyboard.
@@ -218,10 +224,15 @@ def test_detect(panel, frame_and_truth):
     view = LaneFinder(rig).view(scenes.SIZE_WH)
     mask = view.metric.warp(RECIPES["sobel-or-colour"].function(rig.camera.undistort(frame)))
     grid = view.metric.grid
-    found = search.sliding_windows(mask, n_windows=12, margin_px=0.6 / grid.column_m, minimum_pixels=12,
-                                   centre=float(grid.column_of(0.0)))  # fmt: skip
+    found = search.sliding_windows(
+        mask, n_windows=12, margin_px=0.6 / grid.column_m, minimum_pixels=12, centre=float(grid.column_of(0.0))
+    )
     lane = Lane(*windows.fit_lines(found, grid))
-    shown.shows(offset=f"{lane.offset_m:+.2f} m", lane_width=f"{lane.width_m():.2f} m", **{"pixels,_left": str(len(found.left_xy))})
+    shown.shows(
+        offset=f"{lane.offset_m:+.2f} m",
+        lane_width=f"{lane.width_m():.2f} m",
+        **{"pixels,_left": str(len(found.left_xy))},
+    )
     shown.keep("detect")
     shown.choose("model", "joint fit")
     shown.choose("recipe", "paint")
@@ -237,8 +248,13 @@ def test_smoothing(panel):
     shown.changes()  # only now its slider is free
     shown.slide("alpha", "ArrowLeft", 5)
     means, _ = smoothed(fits, smoothing="exponential", alpha=0.2)
-    off = np.array([centre_at(mean, 20) - true_centre_at(truth, 20) for mean, truth in zip(means, truths * 3, strict=True)])
-    shown.shows(error=f"{100 * np.sqrt(np.nanmean(off**2)):.1f} cm", jitter=f"{100 * np.sqrt(np.nanmean(np.diff(off) ** 2)):.2f} cm a frame")
+    off = np.array(
+        [centre_at(mean, 20) - true_centre_at(truth, 20) for mean, truth in zip(means, truths * 3, strict=True)]
+    )
+    shown.shows(
+        error=f"{100 * np.sqrt(np.nanmean(off**2)):.1f} cm",
+        jitter=f"{100 * np.sqrt(np.nanmean(np.diff(off) ** 2)):.2f} cm a frame",
+    )
     shown.keep("smoothing")
 
 
@@ -261,7 +277,9 @@ def test_scrub(panel, folder):
     shown.click("Play")
     shown.page.wait_for_function(
         """([box, from]) => Number(box.querySelector('[data-name="frame"] .lx-value').textContent) > from + 2""",
-        arg=[shown.box.element_handle(), scenes.DARK_FRAME], timeout=15_000)  # fmt: skip
+        arg=[shown.box.element_handle(), scenes.DARK_FRAME],
+        timeout=15_000,
+    )
     shown.click("Stop")
     shown.page.wait_for_timeout(700)  # the last frame may still be on its way
     stopped = shown.reads("frame")
@@ -303,14 +321,16 @@ def test_a_fault_in_a_callback_is_seen(lab_page):
 def test_every_control_has_a_name_and_can_be_reached_by_keyboard(lab_page):
     nameless = lab_page.evaluate("""() => {
         const bad = [];
-        for (const e of document.querySelectorAll('.lx button, .lx select, .lx input, .lx .noUi-handle, .lx .lx-quad-corner')) {
+        const kinds = ['button', 'select', 'input', '.noUi-handle', '.lx-quad-corner'].map(kind => '.lx ' + kind);
+        for (const e of document.querySelectorAll(kinds.join())) {
             if (e.matches('input[type=number], .widget-readout')) continue;
             const row = e.closest('.widget-inline-hbox');
-            const name = e.getAttribute('aria-label') || e.textContent.trim() || e.title || e.closest('label')?.textContent.trim()
-                || row?.querySelector('label')?.textContent.trim() || e.closest('[title]')?.title;
+            const name = e.getAttribute('aria-label') || e.textContent.trim() || e.title
+                || e.closest('label')?.textContent.trim() || row?.querySelector('label')?.textContent.trim() || e.closest('[title]')?.title;
             if (!name) bad.push(e.outerHTML.slice(0, 120));
-            if (e.tabIndex < 0 && !e.disabled && !e.closest('[disabled]')) bad.push('not reachable: ' + e.outerHTML.slice(0, 120));
+            const off = e.disabled || e.closest('[disabled]');
+            if (e.tabIndex < 0 && !off) bad.push('not reachable: ' + e.outerHTML.slice(0, 120));
         }
         return bad;
-    }""")  # fmt: skip
+    }""")
     assert nameless == []

@@ -1,0 +1,319 @@
+"""`make bench`: what each stage costs, in ratios that hold on another machine, and docs/PERFORMANCE.md.
+
+    python benchmarks/run.py            about 8 minutes, writes docs/PERFORMANCE.md
+    python benchmarks/run.py --quick    under 2 minutes, fewer rounds, prints only (--write: writes, too)
+"""
+
+import argparse
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+if __name__ == "__main__" and os.environ.get("OPENBLAS_NUM_THREADS") != "1":  # read when numpy is loaded: begin again
+    os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    os.execv(sys.executable, [sys.executable, *sys.argv])
+
+import cv2
+import numpy as np
+from measure import (
+    RIG_FILE,
+    ROOT,
+    ffmpeg,
+    in_turn,
+    interleaved,
+    machine,
+    peak_megabytes,
+    simulated_frames,
+    write_clip,
+)
+
+from lanelib import calibration, draw, jointfit, threshold, windows
+from lanelib.evaluate import table
+from lanelib.finder import LaneFinder
+from lanelib.hypotheses import hypotheses
+from lanelib.paint import evidence_of, paint_channels, paint_channels_yuv, paint_points
+from lanelib.pictures import read_image, write_bytes
+from lanelib.result import line_at_rows
+from lanelib.rig import SCAN_COLUMN_M, Rig
+from lanelib.runs import run_video
+from lanelib.video import read_frames
+
+SIZES = ((640, 360), (960, 540), (1280, 720), (1920, 1080), (2560, 1440), (3840, 2160))
+PRESETS = ("veryfast", "medium")
+
+
+def yuv420(frame: np.ndarray) -> np.ndarray:
+    """A BGR frame as a decoder gives it."""
+    return cv2.cvtColor(frame, cv2.COLOR_BGR2YUV_I420)
+
+
+# ---------------------------------------------------------------------------------------------- stages
+def stage_costs(rig: Rig, stills: list[np.ndarray], rounds: int) -> tuple[dict[str, float], dict[str, float]]:
+    """ms of each stage of the finder's order and of the textbook order on the same stills."""
+    finder = LaneFinder(rig, track=False)
+    view = finder.view(rig.size_wh)
+    ready = []
+    for frame in stills:
+        scan = view.scan(frame)
+        z, picture = evidence_of(*paint_channels(scan), column_m=SCAN_COLUMN_M)
+        points = view.points(paint_points(z))
+        starts = hypotheses(points)
+        result = finder.process(frame)
+        mask = finder.recipe.function(rig.camera.undistort(frame))
+        above = view.metric.warp(mask)
+        pixels = windows.find_pixels(above, view.metric.grid)
+        ready.append(dict(frame=frame, yuv=yuv420(frame), scan=scan, z=z, points=points, starts=starts, result=result,
+                          undistorted=rig.camera.undistort(frame), mask=mask, above=above, pixels=pixels,
+                          canvas=frame.copy(), canvas_yuv=yuv420(frame), planes=view.scan_yuv420(yuv420(frame))))
+    ready = [r for r in ready if r["result"].fit is not None]
+
+    def track(r):
+        fit = r["result"].fit
+        near = jointfit.nearby(r["points"], fit.mean, gate=2 * jointfit.TRACK_GATES[0])
+        prior = jointfit.Prior(fit.mean, fit.covariance + np.diag(np.square([0.1, 0.02, 8e-4, 1e-6, 0.03, 0.004, 6e-5])))
+        jointfit.fit(near, fit.mean, prior=prior, gates=jointfit.TRACK_GATES, reach_m=jointfit.SEARCH_REACH_M[-1:])
+
+    def lines(r):
+        view._last = None
+        view.lines_px(view.lane(r["result"].fit))
+
+    own = {
+        "scan, BGR frame": lambda r: view.scan(r["frame"]),
+        "scan, YUV planes": lambda r: view.scan_yuv420(r["yuv"]),
+        "evidence, BGR": lambda r: evidence_of(*paint_channels(r["scan"]), column_m=SCAN_COLUMN_M),
+        "evidence, YUV": lambda r: evidence_of(*paint_channels_yuv(*r["planes"]), column_m=SCAN_COLUMN_M),
+        "points": lambda r: view.points(paint_points(r["z"])),
+        "hypotheses (fresh search)": lambda r: hypotheses(r["points"]),
+        "fits (fresh search)": lambda r: [jointfit.fit(r["points"], start) for start in r["starts"]],
+        "fit (tracking)": track,
+        "lines in metres and pixels": lines,
+        "overlay, BGR": lambda r: draw.overlay_bgr(r["canvas"], r["result"]),
+        "overlay, YUV planes": lambda r: draw.overlay_yuv420(r["canvas_yuv"], r["result"]),
+    }
+    textbook = {
+        "one cv2.undistort call": lambda r: cv2.undistort(r["frame"], rig.camera.camera_matrix, rig.camera.distortion),
+        "undistort by a kept table": lambda r: rig.camera.undistort(r["frame"]),
+    }
+    textbook |= {
+        f"threshold, {name}": lambda r, function=recipe.function: function(r["undistorted"])
+        for name, recipe in threshold.RECIPES.items()
+    }
+    textbook |= {
+        "warp": lambda r: view.metric.warp(r["mask"]),
+        "sliding windows": lambda r: windows.find_pixels(r["above"], view.metric.grid),
+        "two fits": lambda r: windows.fit_lines(r["pixels"], view.metric.grid),
+    }
+    costs = interleaved(own | textbook, ready, rounds=rounds)
+    return {name: costs[name] for name in own}, {name: costs[name] for name in textbook}
+
+
+def whole_frames(rig: Rig, frames: list[np.ndarray], rounds: int) -> dict[str, float]:
+    """ms from frame to geometry on consecutive frames, the trackers following, beside one cv2.undistort call."""
+    finders = {
+        "tracking, YUV planes": LaneFinder(rig).process_yuv420,
+        "tracking, BGR": LaneFinder(rig).process,
+        "fresh search, YUV planes": LaneFinder(rig, track=False).process_yuv420,
+        "fresh search, BGR": LaneFinder(rig, track=False).process,
+        "textbook order, recipe paint": LaneFinder(rig, order="textbook").process,
+    }
+    for name in threshold.RECIPES:
+        if name != threshold.DEFAULT_RECIPE:
+            finders[f"textbook order, recipe {name}"] = LaneFinder(rig, recipe=name).process
+    camera = rig.camera
+    cases = {
+        name: (lambda pair, f=function, i=int("YUV" in name): f(pair[i])) for name, function in finders.items()
+    } | {
+        "one cv2.undistort call": lambda pair: cv2.undistort(pair[0], camera.camera_matrix, camera.distortion)
+    }
+    return interleaved(cases, [(frame, yuv420(frame)) for frame in frames], rounds=rounds)
+
+
+def agreement_px(rig: Rig, stills: list[np.ndarray]) -> tuple[float, float, int]:
+    """Mean and largest mean-per-frame difference between the lines of the two orders, px, and how many frames."""
+    finders = [LaneFinder(rig, order=order, track=False) for order in ("finder", "textbook")]
+    rows, width = np.arange(0, rig.size_wh[1], 10), rig.size_wh[0]
+    means = []
+    for frame in stills:
+        one, other = (finder.process(frame) for finder in finders)
+        if one and other:
+            pairs = ((one.left_px, other.left_px), (one.right_px, other.right_px))
+            lines = [[np.array(line_at_rows(px, rows, width)) for px in pair] for pair in pairs]
+            means.append(np.mean(np.concatenate([np.abs(a - b)[(a >= 0) & (b >= 0)] for a, b in lines])))
+    return float(np.mean(means)), float(np.max(means)), len(means)
+
+
+def sizes(rig: Rig, frames: list[np.ndarray], rounds: int) -> dict[tuple[int, int], dict[str, float]]:
+    """ms per frame at other sizes of the same frames, all sizes in turn."""
+    cases, inputs = {}, []
+    for frame in frames:
+        inputs.append({size: yuv420(cv2.resize(frame, size, interpolation=cv2.INTER_AREA)) for size in SIZES})
+    for size in SIZES:
+        tracking, fresh = LaneFinder(rig), LaneFinder(rig, track=False)
+        cases[size, "tracking"] = lambda all_, s=size, f=tracking: f.process_yuv420(all_[s])
+        cases[size, "fresh search"] = lambda all_, s=size, f=fresh: f.process_yuv420(all_[s])
+    costs = interleaved(cases, inputs, rounds=rounds)
+    return {size: {what: costs[size, what] for what in ("tracking", "fresh search")} for size in SIZES}
+
+
+# ---------------------------------------------------------------------------------------------- files
+def files(rig: Rig, clip: Path, place: Path, rounds: int) -> dict[str, float]:
+    """Seconds of processor time of whole files, each kind in turn."""
+
+    def read():
+        with read_frames(clip, pixel_format="yuv420p") as frames:
+            for _ in frames:
+                pass
+
+    jobs = {
+        "decode alone (ffmpeg to null)": lambda: ffmpeg("-threads", 1, "-i", clip, "-f", "null", "-"),
+        "decode alone (frames in Python)": read,
+        "file to geometry": lambda: run_video(clip, None, rig),
+    }
+    for preset in PRESETS:
+        jobs[f"bare transcode, {preset}"] = lambda p=preset: ffmpeg(
+            "-threads", 1, "-i", clip, "-c:v", "libx264", "-preset", p, "-crf", 20, "-pix_fmt", "yuv420p",
+            "-movflags", "+faststart", place / "bare.mp4")  # fmt: skip
+        jobs[f"file to annotated file, {preset}"] = lambda p=preset: run_video(clip, place / "out.mp4", rig, preset=p)
+    return in_turn(jobs, rounds=rounds)
+
+
+def lengths(clip: Path, place: Path, times: tuple[int, ...], n_frames: int) -> list[list[str]]:
+    """Frames, peak memory of the command line alone and with its ffmpegs, by length of the clip."""
+    rows = []
+    for n in times:
+        long = place / f"times{n}.mp4"
+        ffmpeg("-stream_loop", n - 1, "-i", clip, "-c", "copy", long)
+        command = [sys.executable, "-m", "lanelib", "video", str(long), "--rig", str(RIG_FILE), "--quiet"]
+        plain = peak_megabytes([*command, "--no-video", "--json", str(place / "out.jsonl")])
+        drawn = peak_megabytes([*command, "--preset", "veryfast", "-o", str(place / "out.mp4")])
+        rows.append([str(n * n_frames), *(f"{mb:.0f}" for mb in (*plain, *drawn))])
+    return rows
+
+
+def calibrate() -> float:
+    """Seconds of processor time for the 20 rendered boards, reading included."""
+    boards = sorted((ROOT / "camera_cal" / "rendered").glob("*.jpg"))
+    return in_turn({"boards": lambda: calibration.calibrate(boards)}, rounds=1)["boards"]
+
+
+# ---------------------------------------------------------------------------------------------- the report
+def report(quick: bool) -> str:
+    """Measure everything and say it in Markdown."""
+    cv2.setNumThreads(1)
+    rig = Rig.load(RIG_FILE)
+    paths = sorted((ROOT / "test_images" / "rendered").glob("*.jpg"))
+    stills = [frame for frame in map(read_image, paths) if frame.shape[1::-1] == rig.size_wh]
+    rounds = 3 if quick else 9
+    out = ["# Performance", "", "Written by `make bench`. Ratios are what to compare: each was taken in one "
+           "interleaved run.", "", *(f"- {line}" for line in machine()),
+           f"- input: {len(stills)} pictures of `test_images/rendered`, {rig.size_wh[0]}x{rig.size_wh[1]}", ""]
+    goals: list[list[str]] = []
+
+    def goal(what: str, allowed: float, reached: float, unit: str = "", *, least: bool = False) -> None:
+        met = reached >= allowed if least else reached <= allowed
+        bound = f"{'at least' if least else 'at most'} {allowed:g}{unit}"
+        goals.append([what, bound, f"{reached:.3g}{unit}", "yes" if met else "**no**"])
+
+    say("stages")
+    own, textbook = stage_costs(rig, stills[:6] if quick else stills, rounds)
+    one_call = textbook["one cv2.undistort call"]
+    out += ["## Stages, ms a frame", "", *markdown(["finder's order", "ms", "of one cv2.undistort"], own, one_call), "",
+            *markdown(["textbook order", "ms", "of one cv2.undistort"], textbook, one_call), ""]
+    say("frames")
+    shipped = ROOT / "test_videos" / "rendered" / "project_video.mp4"
+    with tempfile.TemporaryDirectory(prefix="bench") as folder:
+        place = Path(folder)
+        clip = place / "clip.mp4"
+        if shipped.exists():
+            with read_frames(shipped) as reader:
+                frames = [frame.frame_bgr for frame, _ in zip(reader, range(24 if quick else 60), strict=False)]
+            what = "`test_videos/rendered/project_video.mp4`"
+        else:
+            frames = simulated_frames(12 if quick else 30)
+            what = "a drive of `lanelib.simulator`"
+        forth_and_back = frames + frames[::-1]  # without a jump where it begins again
+        write_clip(forth_and_back * (1 if quick else 2), clip, size_wh=rig.size_wh)
+        n_frames = len(forth_and_back) * (1 if quick else 2)
+        whole = whole_frames(rig, forth_and_back[:: 2 if quick else 1], 2 if quick else 3)
+        call = whole["one cv2.undistort call"]
+        out += [f"## Frame to geometry, ms a frame ({what}, {len(frames)} frames forth and back)", "",
+                *markdown(["", "ms", "of one cv2.undistort"], whole, call), ""]
+        goal("frame to geometry while tracking, of one cv2.undistort call (YUV planes, as videos are processed)", 0.15,
+             whole["tracking, YUV planes"] / call)
+        goal("the same from BGR frames", 0.15, whole["tracking, BGR"] / call)
+        goal("fresh search, of one cv2.undistort call (YUV planes)", 0.5, whole["fresh search, YUV planes"] / call)
+        goal("the same from BGR frames", 0.5, whole["fresh search, BGR"] / call)
+        goal("textbook order over finder's order, recipe and model as by default (YUV planes)", 40,
+             whole["textbook order, recipe paint"] / whole["tracking, YUV planes"], least=True)
+        mean, worst, n = agreement_px(rig, stills)
+        goal(f"lines of the two orders apart, mean of {n} pictures (largest {worst:.2f} px)", 1, mean, " px")
+
+        say("sizes")
+        by_size = sizes(rig, frames[:4] if quick else frames[:12], rounds)
+        base = by_size[1280, 720]
+        out += ["## Frame size, ms a frame (YUV planes)", "",
+                *markdown_rows([["frame", "tracking", "over 720p", "fresh search", "over 720p"]] + [
+                    [f"{w}x{h}", f"{ms['tracking']:.2f}", f"{ms['tracking'] / base['tracking']:.2f}",
+                     f"{ms['fresh search']:.2f}", f"{ms['fresh search'] / base['fresh search']:.2f}"]
+                    for (w, h), ms in by_size.items()]), ""]
+        goal("geometry at 3840x2160 over 1280x720, tracking", 2, by_size[3840, 2160]["tracking"] / base["tracking"])
+
+        say("files")
+        spent = files(rig, clip, place, 2 if quick else 5)
+        out += [f"## File to file, {n_frames} frames of 1280x720", "",
+                *markdown_rows([["", "CPU s", "CPU ms a frame"]] + [
+                    [name, f"{s:.2f}", f"{1e3 * s / n_frames:.1f}"] for name, s in spent.items()]), "",
+                "`bare transcode` is ffmpeg alone, file to file, with the same preset and quality. ffmpeg's decoder "
+                "runs in one thread, x264 in its default number, in both.", ""]
+        goal("file to geometry over decoding alone (ffmpeg to null)", 1.3,
+             spent["file to geometry"] / spent["decode alone (ffmpeg to null)"])
+        goal("file to geometry over decoding into Python", 1.3,
+             spent["file to geometry"] / spent["decode alone (frames in Python)"])
+        for preset in PRESETS:
+            goal(f"file to annotated file over a bare transcode, {preset}", 1.10,
+                 spent[f"file to annotated file, {preset}"] / spent[f"bare transcode, {preset}"])
+
+        say("memory")
+        rows = lengths(clip, place, (1, 4) if quick else (1, 5, 20), n_frames)
+        out += ["## Memory by length of the clip, MB at the peak", "", *markdown_rows([
+            ["frames", "geometry: Python", "with ffmpeg", "annotated: Python", "with ffmpeg"], *rows]), ""]
+        goal("peak memory of Python, annotated file, longest clip", 400, float(rows[-1][3]), " MB")
+        goal("the same with both ffmpeg processes", 400, float(rows[-1][4]), " MB")
+    say("calibration")
+    seconds = calibrate()
+    out += ["## Calibration", "", f"The 20 boards of `camera_cal/rendered`, reading included: {seconds:.2f} s of "
+            "processor time.", ""]
+    goal("20 boards calibrated", 3, seconds, " s")
+    head = ["", "target", "reached", "met"]
+    met = sum(row[-1] == "yes" for row in goals)
+    out += [f"## Targets: {met} of {len(goals)} met", "", *markdown_rows([head, *goals]), ""]
+    say("\n" + table([head, *([cell.replace("*", "") for cell in row] for row in goals)], left=(0, 1)))
+    return "\n".join(out)
+
+
+def markdown(head: list[str], costs: dict[str, float], unit: float) -> list[str]:
+    """A table of milliseconds and of their ratio to `unit`."""
+    return markdown_rows([head, *([name, f"{ms:.2f}", f"{ms / unit:.3f}"] for name, ms in costs.items())])
+
+
+def markdown_rows(rows: list[list[str]]) -> list[str]:
+    """A Markdown table, the first row as its head."""
+    lines = ["| " + " | ".join(row) + " |" for row in rows]
+    return [lines[0], "|" + "|".join(["---"] + ["---:"] * (len(rows[0]) - 1)) + "|", *lines[1:]]
+
+
+def say(text: str) -> None:
+    """To the terminal."""
+    print(text, flush=True)  # noqa: T201
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="fewer rounds; does not write the report")
+    parser.add_argument("--write", action="store_true", help="write docs/PERFORMANCE.md even with --quick")
+    arguments = parser.parse_args()
+    text = report(arguments.quick)
+    say(text)
+    if arguments.write or not arguments.quick:
+        say(f"wrote {write_bytes(ROOT / 'docs' / 'PERFORMANCE.md', text.encode()).relative_to(ROOT)}")

@@ -1,0 +1,84 @@
+"""Checkers of notebook 07."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from lanelib.birdseye import BirdsEye, rotation_from_angles
+from lanelib.camera import Camera
+from lanelib.exercises.judges import array, first_failed, function, never_raises, not_yet, number
+from lanelib.rig import Rig
+
+_MATRIX = np.array([[900.0, 0, 640], [0, 905, 350], [0, 0, 1]])
+_LENS = np.array([-0.28, 0.09, 0.001, -0.0005, 0.0])
+_POINTS_M = np.array([[-1.8, 6.0], [1.9, 6.0], [-1.8, 25.0], [3.4, 14.0], [0.0, 40.0]])
+
+
+@never_raises
+def check_pixels_of_road(answer):
+    """Road points (N, 2), metres, to pixels of the frame as given, through homography and lens."""
+    camera = Camera(_MATRIX, _LENS, (1280, 720))
+    rig = Rig(camera, BirdsEye.from_mounting(camera, height_m=1.4, pitch_deg=4.0, yaw_deg=-1.0))
+    rotation = rotation_from_angles(pitch_deg=4.0, yaw_deg=-1.0)
+    road = np.column_stack([_POINTS_M, np.zeros(len(_POINTS_M))])
+    vector = cv2.Rodrigues(rotation)[0]
+    shift = -rotation @ np.array([0, 0, 1.4])
+    expected = cv2.projectPoints(road, vector, shift, _MATRIX, _LENS)[0].reshape(-1, 2)
+    plain = cv2.projectPoints(road, vector, shift, _MATRIX, None)[0].reshape(-1, 2)
+
+    def judge(value, wanted):
+        if np.shape(value) == np.shape(wanted):
+            if np.isnan(np.asarray(value, float)).any():
+                return not_yet("some pixels are NaN; `road_from_points` is for pixels, its inverse is needed here")
+            if np.abs(np.asarray(value, float) - plain).max() < 0.5:
+                return not_yet("these are undistorted pixels; the lens comes after: `rig.camera.distort_points`")
+            if np.abs(np.asarray(value, float) - camera.undistort_points(plain)).max() < 0.5:
+                return not_yet("the lens the wrong way round: from the road to the frame as given a point is distorted")
+        return array(value, wanted, unit="px", rel=0, tolerance=0.2, columns="x, y")
+
+    return function(answer, [((_POINTS_M, rig), expected)], judge)
+
+
+@never_raises
+def check_speedup(answer):
+    """Amdahl's law: how many times faster everything gets when a share of it gets ``factor`` times faster."""
+    share, factor = 0.6, 10.0
+    mistakes = {
+        "this forgets the rest, which takes as long as before: 1 - share": factor / share,
+        "this is the new time as a part of the old one; the speed-up is one divided by it":
+            (1 - share) + share / factor,
+        "this is the mean of speeds; times add up, speeds do not": (1 - share) + share * factor,
+        "the rest is 1 - share; here rest and share are swapped": 1 / (share + (1 - share) / factor),
+    }  # fmt: skip
+
+    def judge(value, expected):
+        return number(value, expected, mistakes=mistakes if abs(expected - 1 / 0.46) < 1e-9 else {})
+
+    cases = [((share, factor), 1 / 0.46), ((0.5, 1e9), 2.0), ((0.0, 7.0), 1.0), ((1.0, 7.0), 7.0)]
+    return function(answer, cases, judge)
+
+
+@never_raises
+def check_frame_rates(answer):
+    """Frames a second of stages (ms) one after the other, and overlapped: a pair."""
+    stages = [5.0, 2.0, 13.0]
+
+    def judge(value, expected):
+        if np.shape(value) == (2,):
+            one, both = np.asarray(value, float)
+            slips = {
+                "for the second: the stages work at the same time, and the slowest sets the pace": 1000 / min(stages),
+                "for the second: not the mean; the others wait for the slowest": 3000 / sum(stages),
+            }
+            for hint, wrong in slips.items():
+                if expected[0] == 50 and abs(both - wrong) < 0.01 * wrong:
+                    return not_yet(hint)
+            if abs(one * 1000 - expected[0]) < 0.01 * expected[0]:
+                return not_yet("frames a millisecond; a second has 1000 of them")
+            if abs(one * expected[0] - 1000) < 1 and expected[0] == 50:
+                return not_yet("these are milliseconds a frame; frames a second are 1000 divided by them")
+        return array(value, expected, unit="frames a second", rel=0.01)
+
+    first = function(answer, [((stages,), np.array([50.0, 1000 / 13]))], judge)
+    return first_failed(first, lambda: function(answer, [(([4.0, 4.0],), np.array([125.0, 250.0]))], judge))

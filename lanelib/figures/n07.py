@@ -1,0 +1,120 @@
+"""Figures of notebook 07: where the time goes, and what overlaps; with the stopwatch that they are drawn from."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+
+import cv2
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+
+from lanelib.birdseye import BirdsEye
+from lanelib.camera import Camera
+from lanelib.draw import SERIES, bgr
+from lanelib.figures.style import INK, WIDTH_IN, in_style
+from lanelib.lane import Lane
+
+
+def milliseconds(steps: Mapping[str, Callable[[], object]], *, repeat: int = 7) -> dict[str, float]:
+    """CPU time of each step in ms, the best of ``repeat`` calls, in one thread: what another program on the machine
+    takes away shows in the others."""
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        return {name: min(_once(step) for _ in range(repeat)) for name, step in steps.items()}
+    finally:
+        cv2.setNumThreads(threads)
+
+
+def _once(step: Callable[[], object]) -> float:
+    began = time.process_time()
+    step()
+    return (time.process_time() - began) * 1e3
+
+
+def warped_back_overlay(frame_bgr: np.ndarray, birdseye: BirdsEye, camera: Camera, lane: Lane) -> np.ndarray:
+    """The textbook's way to draw a lane: fill it in the bird's-eye view, warp that picture back, blend the whole frame.
+
+    ``frame_bgr`` (H, W, 3) uint8, returned undistorted, as the textbook shows it.
+    """
+    y = np.linspace(*birdseye.grid.y_m[[0, -1]], 60)
+    pixel_from_road = np.linalg.inv(birdseye.grid.road_from_pixel)
+    sides = [np.column_stack([line.x(y), y]) for line in (lane.left, lane.right)]
+    outline = np.concatenate([sides[0], sides[1][::-1]])
+    columns_rows = outline @ pixel_from_road[:2, :2].T + pixel_from_road[:2, 2]
+    green = np.zeros((*birdseye.grid.size_wh[::-1], 3), np.uint8)
+    cv2.fillPoly(green, [np.round(columns_rows).astype(np.int32)], bgr("lane area"))
+    undistorted = cv2.undistort(frame_bgr, camera.camera_matrix, camera.distortion)
+    return cv2.addWeighted(undistorted, 1, birdseye.unwarp(green), 0.35, 0)
+
+
+@in_style
+def stacked(orders: Mapping[str, Mapping[str, float]], *, title: str = "") -> Figure:
+    """Each order as a bar of its steps, in ms; the sum at its end. Steps below a fiftieth of the longest bar have no
+    label."""
+    figure, a = plt.subplots(figsize=(WIDTH_IN, 0.75 * len(orders) + 1.1), layout="constrained")
+    longest = max(sum(steps.values()) for steps in orders.values())
+    for i, (name, steps) in enumerate(orders.items()):
+        left = 0.0
+        for j, (step, value) in enumerate(steps.items()):
+            a.barh(i, value, left=left, color=SERIES[j % len(SERIES)], edgecolor="white", height=0.62)
+            if value > longest / 12:
+                a.text(left + value / 2, i, f"{step}\n{value:.1f}", ha="center", va="center", fontsize=8, color="white")
+            left += value
+        a.annotate(f"{name}: {left:.1f} ms", (left, i), xytext=(6, 0), textcoords="offset points", va="center",
+                   fontsize=9)  # fmt: skip
+    a.set(yticks=[], xlabel="CPU time, ms a frame", title=title)
+    a.set_xlim(0, 1.3 * longest)
+    a.invert_yaxis()
+    a.grid(axis="y", visible=False)
+    return figure
+
+
+@in_style
+def over_size(widths_cm: Sequence[float], errors_cm: Mapping[str, Sequence[float]]) -> Figure:
+    """Errors over the width of a column of the bird's-eye view, both logarithmic."""
+    figure, a = plt.subplots(figsize=(7.5, 3.6), layout="constrained")
+    for name, values in errors_cm.items():
+        a.plot(widths_cm, values, marker="o", markersize=4.5, label=name)
+    a.set(xscale="log", yscale="log", xlabel="width of a column, cm", ylabel="error at 20 m, cm")
+    a.set_xticks(widths_cm, [f"{w:.4g}" for w in widths_cm])
+    top = 1.3 * max(map(max, errors_cm.values()))
+    levels = [level for level in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100) if level < top]
+    a.set_yticks(levels, [f"{level:g}" for level in levels])
+    a.minorticks_off()
+    a.legend()
+    return figure
+
+
+@in_style
+def timelines(stage_ms: Mapping[str, float], *, frames: int = 5) -> Figure:
+    """The same stages one after the other and overlapped, over time; the number in a box is the frame's."""
+    names, spans = list(stage_ms), list(stage_ms.values())
+    figure, axes = plt.subplots(2, 1, figsize=(WIDTH_IN, 3.4), layout="constrained", sharex=True)
+    for a, overlapped in zip(axes, (False, True), strict=True):
+        for frame, begins in enumerate(_schedule(spans, frames, overlapped=overlapped)):
+            for row, begin in enumerate(begins):
+                a.barh(row, spans[row], left=begin, color=SERIES[frame % len(SERIES)], edgecolor="white", height=0.8)
+                a.text(begin + spans[row] / 2, row, str(frame), ha="center", va="center", color="white", fontsize=8)
+        a.set_yticks(range(len(names)), names, color=INK)
+        a.invert_yaxis()
+        a.grid(axis="y", visible=False)
+        a.set_title("decode, process and encode overlap" if overlapped else "one after the other")
+    axes[1].set_xlabel("time, ms")
+    return figure
+
+
+def _schedule(spans: Sequence[float], frames: int, *, overlapped: bool) -> list[list[float]]:
+    """When each stage of each frame begins: when the frame is there and the stage is free."""
+    free, done, begins = [0.0] * len(spans), 0.0, []
+    for _ in range(frames):
+        at, row = (0.0 if overlapped else done), []
+        for i, span in enumerate(spans):
+            begin = max(at, free[i])
+            row.append(begin)
+            at = free[i] = begin + span
+        done = at
+        begins.append(row)
+    return begins

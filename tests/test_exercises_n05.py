@@ -1,0 +1,126 @@
+"""The checkers of notebook 05: right answers, other right answers, and wrong ones with the hint they must give."""
+
+import numpy as np
+import pytest
+
+from lanelib import exercises
+
+
+def test_nothing_there_yet():
+    for name in ("exponential", "fuse", "kalman_step", "statuses"):
+        check = getattr(exercises, f"check_{name}")
+        assert not check(...) and not check(None) and not check(3), name
+        assert "nothing" in check(lambda *_: None).hint, name
+
+
+# ------------------------------------------------------------------ exponential smoothing
+def exponential(values, alpha):
+    out = [values[0]]
+    for value in values[1:]:
+        out.append((1 - alpha) * out[-1] + alpha * value)
+    return out
+
+
+def test_exponential():
+    assert exercises.check_exponential(exponential)
+    assert exercises.check_exponential(lambda v, a: np.array(exponential(v, a)))
+    assert "new" in exercises.check_exponential(lambda v, a: exponential(v, 1 - a)).hint
+    assert "first" in exercises.check_exponential(lambda v, a: exponential([0, *v], a)[1:]).hint
+    assert "shape" in exercises.check_exponential(lambda v, a: exponential(v, a)[1:]).hint
+
+    def in_place(values, alpha):
+        for i in range(1, len(values)):
+            values[i] = values[i - 1] + alpha * (values[i] - values[i - 1])
+        return values
+
+    assert "copy" in exercises.check_exponential(in_place).hint
+
+
+# ------------------------------------------------------------------ fusing
+def fuse(a, var_a, b, var_b):
+    gain = var_a / (var_a + var_b)
+    return a + gain * (b - a), (1 - gain) * var_a
+
+
+@pytest.mark.parametrize(("wrong", "hint"), [
+    (lambda a, u, b, v: ((a + b) / 2, u * v / (u + v)), "plain mean"),
+    (lambda a, u, b, v: (fuse(a, v, b, u)[0], u * v / (u + v)), "wrong way round"),
+    (lambda a, u, b, v: (fuse(a, u, b, v)[0], u + v), "smaller than either"),
+    (lambda a, u, b, v: (fuse(a, u, b, v)[0], (u * v / (u + v)) ** 0.5), "variance"),
+])  # fmt: skip
+def test_fuse(wrong, hint):
+    assert exercises.check_fuse(fuse)
+    verdict = exercises.check_fuse(wrong)
+    assert not verdict and hint in verdict.hint, verdict
+
+
+# ------------------------------------------------------------------ one step of a filter
+def step(mean, variance, step_variance, measured, measured_variance):
+    variance += step_variance
+    return (mean, variance) if measured is None else fuse(mean, variance, measured, measured_variance)
+
+
+def test_kalman_step():
+    assert exercises.check_kalman_step(step)
+    assert exercises.check_kalman_step(lambda *a: np.array(step(*a)))
+
+
+def test_kalman_step_wrong():
+    verdict = exercises.check_kalman_step(lambda m, v, q, z, r: step(m, v, 0.0, z, r))
+    assert not verdict and "prediction" in verdict.hint
+
+    def frozen(m, v, q, z, r):
+        return (m, v) if z is None else step(m, v, q, z, r)
+
+    assert "grows" in exercises.check_kalman_step(frozen).hint
+    assert "None" in exercises.check_kalman_step(lambda m, v, q, z, r: fuse(m, v + q, z, r)).hint
+
+
+# ------------------------------------------------------------------ measured, held, none
+def statuses(seen, hold):
+    words, missed = [], hold + 1
+    for one in seen:
+        missed = 0 if one else missed + 1
+        words.append("measured" if one else "held" if missed <= hold else "none")
+    return words
+
+
+def test_statuses():
+    assert exercises.check_statuses(statuses)
+    assert exercises.check_statuses(lambda s, h: tuple(statuses(s, h)))
+    assert exercises.check_statuses(lambda s, h: np.array(statuses(s, h)))
+
+
+def test_statuses_wrong():
+    def forever(seen, hold):
+        return ["measured" if s else "held" if any(seen[:i]) else "none" for i, s in enumerate(seen)]
+
+    assert "for ever" in exercises.check_statuses(forever).hint
+
+    def from_nothing(seen, hold):
+        words, missed = [], 0
+        for one in seen:
+            missed = 0 if one else missed + 1
+            words.append("measured" if one else "held" if missed <= hold else "none")
+        return words
+
+    assert "before the first" in exercises.check_statuses(from_nothing).hint
+    one_too_many = exercises.check_statuses(lambda s, h: statuses(s, h + 1))
+    assert not one_too_many and "frame" in one_too_many.hint
+    assert "only" in exercises.check_statuses(lambda s, h: ["kept"] * len(s)).hint
+    assert "list" in exercises.check_statuses(lambda s, h: "measured").hint
+    assert not exercises.check_statuses(lambda s, h: ["measured"])
+
+
+def test_the_tracker_itself_gives_these_words():
+    """The exercise is what `LaneTracker` does."""
+    from lanelib.jointfit import UNKNOWN_ROAD, JointFit
+    from lanelib.tracking import LaneTracker
+
+    fit = JointFit(UNKNOWN_ROAD.mean, UNKNOWN_ROAD.covariance * 0.01, np.ones((2, 5)), 9.0, 1.2, 0.5)
+
+    def by_tracker(seen, hold):
+        tracker = LaneTracker(hold_frames=hold)
+        return [tracker.update(fit if one else None, "missed").status for one in seen]
+
+    assert exercises.check_statuses(by_tracker)
