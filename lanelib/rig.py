@@ -27,8 +27,8 @@ from lanelib.paint import PaintPoints, paint_points
 RIG_FORMAT = "lanelib-rig/1"
 SCAN_COLUMN_M, SCAN_REACH_M, SCAN_ROWS = 0.05, 7.5, 112  # chosen by accuracy against truth: see notebook 07
 FAR_ROW_M = 10.0  # the farthest scan row is where one pixel of a 1280-wide frame covers 10 m of road
-# Lines are reported to 2.5 times the distance of the last paint, three fifths of the way that is left to the horizon in the
-# picture, and no farther than 250 m: beyond, a pixel row of a 1280-wide frame covers 40 m of road.
+# Lines are reported to 2.5 times the distance of the last paint, three fifths of the way that is left to the horizon in
+# the picture, and no farther than 250 m: beyond, a pixel row of a 1280-wide frame covers 40 m of road.
 EXTEND, FARTHEST_M = 2.5, 250.0
 
 
