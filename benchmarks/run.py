@@ -1,6 +1,6 @@
 """`make bench`: what each stage costs, in ratios that hold on another machine, and docs/PERFORMANCE.md.
 
-    python benchmarks/run.py            about 8 minutes, writes docs/PERFORMANCE.md
+    python benchmarks/run.py            about 6 minutes, writes docs/PERFORMANCE.md
     python benchmarks/run.py --quick    under 2 minutes, fewer rounds, prints only (--write: writes, too)
 """
 
@@ -68,10 +68,12 @@ def stage_costs(rig: Rig, stills: list[np.ndarray], rounds: int) -> tuple[dict[s
                           canvas=frame.copy(), canvas_yuv=yuv420(frame), planes=view.scan_yuv420(yuv420(frame))))
     ready = [r for r in ready if r["result"].fit is not None]
 
+    step = np.diag(np.square([0.1, 0.02, 8e-4, 1e-6, 0.03, 0.004, 6e-5]))
+
     def track(r):
         fit = r["result"].fit
         near = jointfit.nearby(r["points"], fit.mean, gate=2 * jointfit.TRACK_GATES[0])
-        prior = jointfit.Prior(fit.mean, fit.covariance + np.diag(np.square([0.1, 0.02, 8e-4, 1e-6, 0.03, 0.004, 6e-5])))
+        prior = jointfit.Prior(fit.mean, fit.covariance + step)
         jointfit.fit(near, fit.mean, prior=prior, gates=jointfit.TRACK_GATES, reach_m=jointfit.SEARCH_REACH_M[-1:])
 
     def lines(r):
@@ -129,8 +131,8 @@ def whole_frames(rig: Rig, frames: list[np.ndarray], rounds: int) -> dict[str, f
     return interleaved(cases, [(frame, yuv420(frame)) for frame in frames], rounds=rounds)
 
 
-def agreement_px(rig: Rig, stills: list[np.ndarray]) -> tuple[float, float, int]:
-    """Mean and largest mean-per-frame difference between the lines of the two orders, px, and how many frames."""
+def agreement_px(rig: Rig, stills: list[np.ndarray]) -> tuple[float, float, float, int]:
+    """Mean, median and largest of the frames' mean difference between the lines of the two orders, px."""
     finders = [LaneFinder(rig, order=order, track=False) for order in ("finder", "textbook")]
     rows, width = np.arange(0, rig.size_wh[1], 10), rig.size_wh[0]
     means = []
@@ -140,7 +142,7 @@ def agreement_px(rig: Rig, stills: list[np.ndarray]) -> tuple[float, float, int]
             pairs = ((one.left_px, other.left_px), (one.right_px, other.right_px))
             lines = [[np.array(line_at_rows(px, rows, width)) for px in pair] for pair in pairs]
             means.append(np.mean(np.concatenate([np.abs(a - b)[(a >= 0) & (b >= 0)] for a, b in lines])))
-    return float(np.mean(means)), float(np.max(means)), len(means)
+    return float(np.mean(means)), float(np.median(means)), float(np.max(means)), len(means)
 
 
 def sizes(rig: Rig, frames: list[np.ndarray], rounds: int) -> dict[tuple[int, int], dict[str, float]]:
@@ -246,8 +248,9 @@ def report(quick: bool) -> str:
         goal("the same from BGR frames", 0.5, whole["fresh search, BGR"] / call)
         goal("textbook order over finder's order, recipe and model as by default (YUV planes)", 40,
              whole["textbook order, recipe paint"] / whole["tracking, YUV planes"], least=True)
-        mean, worst, n = agreement_px(rig, stills)
-        goal(f"lines of the two orders apart, mean of {n} pictures (largest {worst:.2f} px)", 1, mean, " px")
+        mean, median, worst, n = agreement_px(rig, stills)
+        goal(f"lines of the two orders apart, mean of {n} pictures (median {median:.2f}, largest {worst:.1f} px)",
+             1, mean, " px")
 
         say("sizes")
         by_size = sizes(rig, frames[:4] if quick else frames[:12], rounds)
@@ -275,8 +278,11 @@ def report(quick: bool) -> str:
                  spent[f"file to annotated file, {preset}"] / spent[f"bare transcode, {preset}"])
 
         say("memory")
-        rows = lengths(clip, place, (1, 4) if quick else (1, 5, 20), n_frames)
-        out += ["## Memory by length of the clip, MB at the peak", "", *markdown_rows([
+        rows = lengths(clip, place, (1, 4) if quick else (1, 4, 12), n_frames)
+        out += ["## Memory by length of the clip, MB at the peak", "",
+                "Resident memory; `with ffmpeg` adds that of the decoder and the encoder "
+                "(pages they share are counted twice).", "",
+                *markdown_rows([
             ["frames", "geometry: Python", "with ffmpeg", "annotated: Python", "with ffmpeg"], *rows]), ""]
         goal("peak memory of Python, annotated file, longest clip", 400, float(rows[-1][3]), " MB")
         goal("the same with both ffmpeg processes", 400, float(rows[-1][4]), " MB")
@@ -305,7 +311,7 @@ def markdown_rows(rows: list[list[str]]) -> list[str]:
 
 def say(text: str) -> None:
     """To the terminal."""
-    print(text, flush=True)  # noqa: T201
+    print(text, flush=True)
 
 
 if __name__ == "__main__":

@@ -33,8 +33,8 @@ CAMERA_FROM_ROAD_AXES = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # x righ
 def rotation_from_angles(*, pitch_deg: float = 0.0, yaw_deg: float = 0.0, roll_deg: float = 0.0) -> np.ndarray:
     """Rotation (3, 3) that takes road axes (right, ahead, up) to camera axes (right, down, forward).
 
-    pitch > 0 looks down, yaw > 0 looks right, roll > 0 turns the camera clockwise as seen from behind it;
-    applied in the order yaw, pitch, roll.
+    pitch > 0 looks down, yaw > 0 looks right, roll > 0 turns the camera clockwise as seen from behind it; applied in
+    the order yaw, pitch, roll.
     """
     p, y, r = (math.radians(a) for a in (pitch_deg, yaw_deg, roll_deg))
     yaw = np.array([[math.cos(y), 0, -math.sin(y)], [0, 1, 0], [math.sin(y), 0, math.cos(y)]])
@@ -150,8 +150,10 @@ class BirdsEye:
     ) -> BirdsEye:
         """From the camera matrix and where the camera sits: ``height_m`` above a flat road, looking along three
         angles."""
-        if not height_m > 0:
+        if not 0 < height_m < math.inf:
             raise LanelibError(f"a camera's height above the road must be positive metres, found {height_m}")
+        if not all(map(math.isfinite, (pitch_deg, yaw_deg, roll_deg))):
+            raise LanelibError(f"a camera's angles must be finite degrees, found {pitch_deg}, {yaw_deg}, {roll_deg}")
         rotation = rotation_from_angles(pitch_deg=pitch_deg, yaw_deg=yaw_deg, roll_deg=roll_deg)
         t = -rotation @ (0, 0, height_m)
         image_from_road = camera.camera_matrix @ np.column_stack([rotation[:, 0], rotation[:, 1], t])

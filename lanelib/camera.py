@@ -16,7 +16,7 @@ import numpy as np
 
 from lanelib.distortion import distort, fold_radius, undistort
 from lanelib.errors import LanelibError
-from lanelib.pictures import write_bytes
+from lanelib.pictures import read_text, write_bytes
 
 FORMAT = "lanelib-camera/1"
 INTRINSICS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
@@ -221,7 +221,7 @@ class Camera:
         LanelibError : missing, unreadable, not JSON, or not a camera
         """
         try:
-            numbers = json.loads(Path(path).read_bytes())
+            numbers = json.loads(read_text(path))
         except FileNotFoundError:
             raise LanelibError(f"{path}: need a calibration file, found none; use `lanelib calibrate`") from None
         except OSError as error:

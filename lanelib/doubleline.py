@@ -1,8 +1,8 @@
 """Double lines: the boundary of the lane is the inner one.
 
 From some way off two painted lines and their gap are one stripe, and the joint fit follows its middle. Near the car
-the stripe's width is measured: all rows are laid on top of each other along the line, and the averaged profile
-shows where the paint ends.
+the stripe's width is measured: all rows are laid on top of each other along the line, and the averaged profile shows
+where the paint ends.
 """
 
 from __future__ import annotations

@@ -38,12 +38,10 @@ MODELS = ("joint", "windows")
 class LaneFinder:
     """Finds the ego lane in frames of one rig.
 
-    ``recipe``: "paint" (the project's own) or one of the classic recipes of ``threshold.RECIPES``. ``model``:
-    "joint" (one lane) or "windows" (sliding
-    windows, two lines apart; what the classic recipes use by default). ``order``: "finder" (warp first) or
-    "textbook" (undistort, threshold, warp).
-    ``track=False`` looks at each frame on its own. ``smoothing``: see ``tracking``. Raises LanelibError for an
-    unknown name.
+    ``recipe``: "paint" (the project's own) or one of the classic recipes of ``threshold.RECIPES``. ``model``: "joint"
+    (one lane) or "windows" (sliding windows, two lines apart; what the classic recipes use by default). ``order``:
+    "finder" (warp first) or "textbook" (undistort, threshold, warp). ``track=False`` looks at each frame on its own.
+    ``smoothing``: see ``tracking``. Raises LanelibError for an unknown name.
     """
 
     def __init__(
@@ -130,9 +128,8 @@ class LaneFinder:
 
     # ------------------------------------------------------------------ the joint model
     def points(self, frame: np.ndarray, view: View) -> tuple[Points, np.ndarray]:
-        """Paint points of a frame (BGR, or YUV420p where 2-D), in the finder's or the textbook order, and the (H,
-        W) uint8
-        picture in which they were seen."""
+        """Paint points of a frame (BGR, or YUV420p where 2-D), in the finder's or the textbook order, and the (H, W)
+        uint8 picture in which they were seen."""
         if self.order == "finder":
             yuv = frame.ndim == 2
             channels = paint_channels_yuv(*view.scan_yuv420(frame)) if yuv else paint_channels(view.scan(frame))
@@ -142,9 +139,8 @@ class LaneFinder:
         return view.points_of_mask(mask), mask
 
     def mask(self, frame: np.ndarray, view: View) -> np.ndarray:
-        """The recipe's mask (H, W) uint8 0/255 of the undistorted frame; the project's own recipe is told the
-        rig's horizon
-        and how wide paint is below it."""
+        """The recipe's mask (H, W) uint8 0/255 of the undistorted frame; the project's own recipe is told the rig's
+        horizon and how wide paint is below it."""
         undistorted = view.rig.camera.undistort(frame)
         if self.recipe.name != threshold.DEFAULT_RECIPE:
             return self.recipe.function(undistorted)

@@ -1,10 +1,9 @@
 """Where could a lane be? Starting points for the joint fit when nothing is known.
 
 A line x = c + b y + a y^2 is seen at the bearing U = x / y = c q + b + a / q with q = 1 / y: linear in its three
-numbers, and pitch only shifts b.
-So every paint point votes for single lines (Hough 1962, Duda and Hart 1972) over (a, b, c); the strongest lines
-are drawn onto their points;
-and for each a partner is looked for, parallel to it, over all lane widths and pitches.
+numbers, and pitch only shifts b. So every paint point votes for single lines (Hough 1962, Duda and Hart 1972) over
+(a, b, c); the strongest lines are drawn onto their points; and for each a partner is looked for, parallel to it, over
+all lane widths and pitches.
 """
 
 from __future__ import annotations

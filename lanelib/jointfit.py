@@ -1,9 +1,8 @@
 """One lane, not two lines: both boundaries, and the surface under them, estimated together.
 
 The two lines of a lane share its heading and its curvature and are a lane width apart, so a strong line carries a
-weak one, a dash
-carries the gap, and a seam cannot pull one side. Seven numbers describe the lane and how the road departs from the
-rig's flat plane:
+weak one, a dash carries the gap, and a seam cannot pull one side. Seven numbers describe the lane and how the road
+departs from the rig's flat plane:
 
     centre    x of the lane's centre at the car, m          heading   dx/dy of the lane at the car
     bend      A in x = ... + A y^2, 1/m                     rate      D in x = ... + D y^3, 1/m^2
@@ -11,21 +10,16 @@ rig's flat plane:
     hill      vertical curvature of the road, 1/m
 
     centre line  xc(y) = centre + heading y + bend y^2 + rate y^3
-    lines        x(y)  = xc(y) -+ width / 2 * sqrt(1 + xc'(y)^2)         (parallel curves: the width is measured
-    across)
+    lines        x(y)  = xc(y) -+ width / 2 * sqrt(1 + xc'(y)^2)       (parallel curves: the width is measured across)
 
-What is measured is the bearing U = x / y at which a paint point is seen, because its error, one or two pixels, is
-the same near and far. On the
-rig's flat plane the point appears at y0 = 1 / q0; the real distance is y = 1 / q with q = q0 + (pitch + hill y /
-2) / height.
+What is measured is the bearing U = x / y at which a paint point is seen, because its error, one or two pixels, is the
+same near and far. On the rig's flat plane the point appears at y0 = 1 / q0; the real distance y follows from q0, pitch
+and hill (``distance``).
 
-1. ``hypotheses``: a Hough transform over (bearing at infinity, bend, x at the car) for single lines; for each of
-the strongest a partner,
-   parallel to it, over all widths and pitches.
-2. ``fit``: iteratively reweighted Gauss-Newton on all seven numbers with a prior, from one hypothesis or from the
-last frame's lane.
-   With the last lane as prior this is the measurement update of an iterated extended Kalman filter
-   (Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, sec. 10.5).
+``fit`` is an iteratively reweighted Gauss-Newton on all seven numbers with a prior, from a starting point: one of
+``hypotheses.hypotheses``, or the last frame's lane. With the last lane as prior it is the measurement update of an
+iterated extended Kalman filter (Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation,
+sec. 10.5).
 """
 
 from __future__ import annotations
@@ -66,10 +60,9 @@ NEIGHBOURS = 7.0
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Paint points as the fit sees them. ``bearing`` U = x / y and ``inverse`` q0 = 1 / y0 on the rig's flat
-    plane; ``row`` of
-    the grid, ``weight`` 0..1; ``focal_px`` turns bearings into pixels, ``height_m`` is the camera's; ``n_rows`` of
-    the grid."""
+    """Paint points as the fit sees them. ``bearing`` U = x / y and ``inverse`` q0 = 1 / y0 on the rig's flat plane;
+    ``row`` of the grid, ``weight`` 0..1; ``focal_px`` turns bearings into pixels, ``height_m`` is the camera's;
+    ``n_rows`` of the grid."""
 
     bearing: np.ndarray
     inverse: np.ndarray
@@ -85,9 +78,8 @@ class Points:
 
 @dataclass(frozen=True, eq=False)
 class JointFit:
-    """The estimate: ``mean`` (7,), ``covariance`` (7, 7); ``support`` (2, n_rows): per line and grid row the
-    weight of the paint on it;
-    ``energy``: support less what the prior objects."""
+    """The estimate: ``mean`` (7,), ``covariance`` (7, 7); ``support`` (2, n_rows): per line and grid row the weight
+    of the paint on it; ``energy``: support less what the prior objects."""
 
     mean: np.ndarray
     covariance: np.ndarray
@@ -142,9 +134,8 @@ def line_x(y, mean, side):
 def distance(inverse, mean, height_m):
     """Real distance y of a point that appears at 1 / ``inverse`` on the rig's flat plane.
 
-    The inverse of ``Surface.flat_from_road``: 1 / y - hill y / (2 height) = q, with q = inverse + pitch / height,
-    is a quadratic equation
-    in y; of its two roots the nearer, y = 2 / (q + sqrt(q^2 + 2 hill / height)).
+    The inverse of ``Surface.flat_from_road``: 1 / y - hill y / (2 height) = q, with q = inverse + pitch / height, is
+    a quadratic equation in y; of its two roots the nearer, y = 2 / (q + sqrt(q^2 + 2 hill / height)).
     """
     q = inverse + mean[PITCH] / height_m
     return 2 / np.maximum(q + np.sqrt(np.maximum(q * q + 2 * mean[HILL] / height_m, 0)), 0.006)
@@ -208,9 +199,8 @@ def fit(
 
 
 def seen_lane(points: Points, mean: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """At the distance of each point, (N,) each: y in m, slope of the centre line, bearing of the centre line and
-    half the
-    bearing between the two lines."""
+    """At the distance of each point, (N,) each: y in m, slope of the centre line, bearing of the centre line and half
+    the bearing between the two lines."""
     y = distance(points.inverse, mean, points.height_m)
     slope = mean[HEADING] + y * (2 * mean[BEND] + 3 * y * mean[RATE])
     middle = mean[CENTRE] / y + mean[HEADING] + y * (mean[BEND] + y * mean[RATE])
@@ -220,12 +210,10 @@ def seen_lane(points: Points, mean: np.ndarray) -> tuple[np.ndarray, np.ndarray,
 def rate_std(mean: np.ndarray) -> float:
     """How fast the curvature of a road like this may change: standard deviation of ``rate``, 1/m^2.
 
-    Roads are laid out so that a driver feels neither more than about 2 m/s^2 of lateral acceleration nor more than
-    1 m/s^3 of jerk
-    (AASHTO Green Book, ch. 3, spiral curves). With curvature k that speed is v = sqrt(2 / k), so the curvature
-    changes by at most
-    1 / v^3 = (k / 2)^(3/2) a metre: 1e-5 on a bend of R 1 km, 8e-4 at R 60 m. One standard deviation is a third of
-    it, and rate a sixth.
+    Roads are laid out so that a driver feels neither more than about 2 m/s^2 of lateral acceleration nor more than 1
+    m/s^3 of jerk (AASHTO Green Book, ch. 3, spiral curves). With curvature k that speed is v = sqrt(2 / k), so the
+    curvature changes by at most 1 / v^3 = (k / 2)^(3/2) a metre: 1e-5 on a bend of R 1 km, 8e-4 at R 60 m. One
+    standard deviation is a third of it, and rate a sixth.
     """
     sharpest = max(abs(mean[BEND]), abs(mean[BEND] + 90 * mean[RATE])) * 2  # at the car and 30 m ahead
     return 3e-7 + sharpest**1.5 / 2**1.5 / 18

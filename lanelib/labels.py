@@ -13,6 +13,7 @@ import numpy as np
 
 from lanelib.camera import Camera
 from lanelib.errors import LanelibError
+from lanelib.pictures import read_text
 from lanelib.truth import load_truth, load_truth_camera
 
 MAX_FILE_BYTES = 500_000_000  # half a million frames; more is not a file of predictions
@@ -24,7 +25,7 @@ def read_rows(path: str | Path) -> dict[str, dict]:
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
             raise LanelibError(f"{path}: needed at most {MAX_FILE_BYTES >> 20} MB of JSON lines, found more; split it")
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = read_text(path, max_bytes=MAX_FILE_BYTES).splitlines()
     except OSError as error:
         raise LanelibError(f"{path}: needed a file of JSON lines, found: {error.strerror}; check the name") from None
     except UnicodeDecodeError:

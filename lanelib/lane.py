@@ -1,14 +1,12 @@
 """Lines and lanes in metres: curvature, lateral offset, width, their uncertainty, and the checks of sanity.
 
 A line is x = A y^2 + B y + C on the road plane: x to the right, y ahead of the camera, in metres. Curvature is
-signed,
-positive to the left, so with x'' = 2A
+signed, positive to the left, so with x'' = 2A
 
     curvature = -x'' / (1 + x'^2)^(3/2),    radius of curvature = 1 / |curvature|
 
-Curvatures are averaged, never radii: of two nearly straight lines one may well have a radius of 8,000 m to the
-left and the
-other of 8,000 m to the right.
+Curvatures are averaged, never radii: of two nearly straight lines one may well have a radius of 8,000 m to the left
+and the other of 8,000 m to the right.
 """
 
 from __future__ import annotations
@@ -40,9 +38,8 @@ def horner(coefficients, y_m):
 class Line:
     """One lane line, x = polynomial(y) in metres, ``coefficients`` highest power first (2nd order; a 3rd is allowed).
 
-    ``y_range_m``: from where to where it was seen. ``covariance`` of the coefficients, or None. ``support``: how
-    much paint
-    speaks for it, in bird's-eye rows.
+    ``y_range_m``: from where to where it was seen. ``covariance`` of the coefficients, or None. ``support``: how much
+    paint speaks for it, in bird's-eye rows.
     """
 
     coefficients: np.ndarray
@@ -125,13 +122,10 @@ def fit_line(
     """Weighted least-squares polynomial through points (N,), in metres; robust to outliers.
 
     Robust: iteratively reweighted with Tukey's biweight, w(r) = (1 - (r / c)^2)^2 for |r| < c, else 0 (Beaton and
-    Tukey 1974);
-    c = 4.685 s with s the larger of ``scale_m`` (how well paint can be located) and 1.48 times the median
-    residual. The
-    first pass is a Theil-Sen-like start: the best of fits through random triples, so that up to half of the points
-    may lie.
-    The covariance is (J' W J)^-1 times the residual variance. Points that do not determine the polynomial give
-    ``NoLine``.
+    Tukey 1974); c = 4.685 s with s the larger of ``scale_m`` (how well paint can be located) and 1.48 times the
+    median residual. The first pass is a Theil-Sen-like start: the best of fits through random triples, so that up to
+    half of the points may lie. The covariance is (J' W J)^-1 times the residual variance. Points that do not
+    determine the polynomial give ``NoLine``.
     """
     x, y = np.asarray(x_m, float).ravel(), np.asarray(y_m, float).ravel()
     w = np.ones(len(x)) if weights is None else np.asarray(weights, float).ravel()
@@ -188,8 +182,8 @@ class Surface:
     (height = bend y^2 / 2), positive in a dip, negative on a crest. ``height_m``: of the camera.
 
     A point of the road at distance y is seen height / y - bend y / 2 below the road's own horizon, the rig's flat
-    plane shows it at y0 with
-    height / y0 = height / y - bend y / 2 - pitch (small angles); its bearing x / y is the same.
+    plane shows it at y0 with height / y0 = height / y - bend y / 2 - pitch (small angles); its bearing x / y is the
+    same.
     """
 
     height_m: float = 1.0

@@ -47,9 +47,8 @@ class PaintPoints:
 def paint_channels(bgr: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Brightness and yellowness of a (H, W, 3) uint8 BGR picture, each (H, W) uint8.
 
-    Brightness is the plain mean: where an over-exposed road has burnt out in red, blue still tells white paint
-    from it.
-    Yellow paint on pale concrete is no brighter than the concrete; it stands out only in (R + G) / 2 - B.
+    Brightness is the plain mean: where an over-exposed road has burnt out in red, blue still tells white paint from
+    it. Yellow paint on pale concrete is no brighter than the concrete; it stands out only in (R + G) / 2 - B.
     """
     blue, green, red = cv2.split(as_bgr(bgr))
     warm = cv2.addWeighted(red, 0.5, green, 0.5, 0)
@@ -92,8 +91,8 @@ def paint_channels_yuv(luma: np.ndarray, u: np.ndarray, v: np.ndarray) -> tuple[
     """The same from the planes of a video frame (limited range, ITU-R BT.601), each (H, W) uint8, without a colour
     picture:
 
-    R = Y + 1.402 V, G = Y - 0.344 U - 0.714 V, B = Y + 1.772 U give (R + G) / 2 - B = 0.344 V - 1.944 U, here
-    times 255 / 224.
+    R = Y + 1.402 V, G = Y - 0.344 U - 0.714 V, B = Y + 1.772 U give (R + G) / 2 - B = 0.344 V - 1.944 U, here times
+    255 / 224.
     """
     yellow = cv2.addWeighted(v, 0.392, u, -2.213, (2.213 - 0.392) * 128)
     return cv2.addWeighted(luma, 1.164, luma, 0, -1.164 * 16), yellow
@@ -101,8 +100,7 @@ def paint_channels_yuv(luma: np.ndarray, u: np.ndarray, v: np.ndarray) -> tuple[
 
 def paint_evidence(view_bgr: np.ndarray, *, column_m: float = 0.05) -> tuple[np.ndarray, np.ndarray]:
     """z of brightness or yellow, whichever is larger, smoothed over 3 x 3, (H, W) float32; and the picture (H, W)
-    uint8
-    of brightness plus yellow in which all paint is bright. ``view_bgr``: (H, W, 3) uint8 bird's-eye picture."""
+    uint8 of brightness plus yellow in which all paint is bright. ``view_bgr``: (H, W, 3) uint8 bird's-eye picture."""
     return evidence_of(*paint_channels(view_bgr), column_m=column_m)
 
 

@@ -4,8 +4,10 @@ OpenCV's own reader returns None without a reason, decodes what is left of a tru
 header states, and lets libjpeg print on the terminal. Here the bytes are checked before they are decoded.
 """
 
+import errno
 import os
 import re
+import stat
 import struct
 import tempfile
 import threading
@@ -123,6 +125,20 @@ def write_bytes(path, data: bytes) -> Path:
         reason = getattr(error, "strerror", None) or error
         raise LanelibError(f"{path}: need a place that can be written, found: {reason}; choose another") from None
     return path
+
+
+def read_text(path, *, max_bytes: int = 1 << 24) -> str:
+    """The text (UTF-8) of an ordinary file of at most `max_bytes` (16 MB: the largest calibration has 100 kB).
+
+    A pipe would be waited for and /dev/zero read for ever. Raises OSError, whose strerror says what is wrong, or
+    UnicodeDecodeError.
+    """
+    status = os.stat(path)
+    if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
+        raise OSError(errno.EINVAL, "a device or pipe, which is no file", str(path))
+    if status.st_size > max_bytes:
+        raise OSError(errno.EFBIG, f"a file of {status.st_size / 1e6:.0f} MB, too large for this", str(path))
+    return Path(path).read_text(encoding="utf-8")
 
 
 def _read_bytes(path: Path) -> bytes:

@@ -15,8 +15,8 @@ from lanelib.lane import Check, Lane
 class LaneResult:
     """What one frame said. ``status``: "measured", "held" (from frames before) or "none"; then ``reason`` says why.
 
-    ``left_px``, ``right_px``: (N, 2) pixels of the frame as given, from near to far, over the part where the lane
-    was seen.
+    ``left_px``, ``right_px``: (N, 2) pixels of the frame as given, from near to far, over the part where the lane was
+    seen.
     """
 
     lane: Lane | None

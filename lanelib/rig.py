@@ -1,8 +1,8 @@
 """Rig: a camera and how it sees the road, in one file; View: a rig made ready for one frame size.
 
-The finder's order warps first: ``View.scan`` takes the raw frame through one look-up table, distortion and
-homography together, straight to a
-small bird's-eye view (301 x 112), so that nothing is ever computed on pixels that no one looks at.
+The finder's order warps first: ``View.scan`` takes the raw frame through one look-up table, distortion and homography
+together, straight to a small bird's-eye view (301 x 112), so that nothing is ever computed on pixels that no one
+looks at.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from lanelib.errors import LanelibError
 from lanelib.jointfit import JointFit, Points
 from lanelib.lane import Lane
 from lanelib.paint import PaintPoints, paint_points
+from lanelib.pictures import read_text
 
 RIG_FORMAT = "lanelib-rig/1"
 SCAN_COLUMN_M, SCAN_REACH_M, SCAN_ROWS = 0.05, 7.5, 112  # chosen by accuracy against truth: see notebook 07
@@ -117,7 +118,7 @@ class Rig:
         """Read a rig file; LanelibError, one line, for anything that is none."""
         path = Path(path)
         try:
-            numbers = json.loads(path.read_text())
+            numbers = json.loads(read_text(path))
             if numbers["format"] != RIG_FORMAT:
                 raise KeyError(numbers["format"])
             return cls.from_dict(numbers)

@@ -9,8 +9,8 @@ The state is the joint fit's seven numbers (see ``jointfit.NAMES``). Four ways o
     measured in
                  notebook 05 to have the least error and jitter for the least lag)
 
-A missed frame is an event of its own (``update(None, reason)``): the last good lane is held for a bounded time,
-then forgotten.
+A missed frame is an event of its own (``update(None, reason)``): the last good lane is held for a bounded time, then
+forgotten.
 """
 
 from __future__ import annotations
@@ -96,9 +96,8 @@ class LaneTracker:
         """Where the lane should be in the next frame; None when nothing is known.
 
         Each number is an Ornstein-Uhlenbeck process: it wanders by ``step_std`` a frame and is drawn back to the
-        unknown
-        road, m' = b + r (m - b), P' = r P r + (1 - r^2) S with r = sqrt(1 - step^2 / S), so that a long gap ends in
-        knowing nothing rather than in nonsense.
+        unknown road, m' = b + r (m - b), P' = r P r + (1 - r^2) S with r = sqrt(1 - step^2 / S), so that a long gap
+        ends in knowing nothing rather than in nonsense.
         """
         if self.fit is None:
             return None
@@ -160,8 +159,7 @@ class LaneTracker:
 
     def is_outdone(self, tracked: JointFit, fresh: JointFit | None, *, lost: bool) -> bool:
         """Whether a fresh search found another lane that explains the frame better, for the second time in
-        succession; the
-        old lane is then forgotten."""
+        succession; the old lane is then forgotten."""
         rival = fresh is not None and (differ(fresh.mean, tracked.mean) or lost)
         if rival and not lost:
             rival = fresh.energy > energy_of(tracked.mean, tracked.support, self.background) + RIVAL_ENERGY
@@ -189,8 +187,7 @@ class LaneTracker:
 
 def handed_over(fit: JointFit, *, margin_m: float = 0.25) -> tuple[JointFit, bool]:
     """On a lane change the ego lane becomes the neighbour: once the car's centre is ``margin_m`` beyond a line (so
-    that
-    driving on the line does not flicker), the lane moves over by its width."""
+    that driving on the line does not flicker), the lane moves over by its width."""
     centre, width = fit.mean[CENTRE], fit.mean[WIDTH]
     if abs(centre) <= width / 2 + margin_m:
         return fit, False

@@ -5,6 +5,7 @@ import math
 from pathlib import Path, PurePosixPath
 
 from lanelib.errors import LanelibError
+from lanelib.pictures import read_text
 
 FORMAT = "lanelib-truth/1"
 MAX_BYTES = 200_000_000
@@ -60,7 +61,7 @@ def _read(folder: Path) -> tuple[dict, Path]:
     try:
         if path.stat().st_size > MAX_BYTES:
             raise LanelibError(f"{path}: at most {MAX_BYTES} bytes are read, it has {path.stat().st_size}")
-        document = json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_constant)
+        document = json.loads(read_text(path, max_bytes=MAX_BYTES), parse_constant=_no_constant)
     except OSError as error:
         raise LanelibError(f"{path}: the truth of a folder's pictures is needed: {error.strerror}") from None
     except (ValueError, RecursionError) as error:

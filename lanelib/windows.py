@@ -2,8 +2,7 @@
 parabola a line.
 
 The two lines are fitted on their own, which is what makes this way weak (a seam takes one of them away) and worth
-teaching.
-To be smoothed and compared like the joint fit, the outcome is put into the same seven numbers.
+teaching. To be smoothed and compared like the joint fit, the outcome is put into the same seven numbers.
 """
 
 from __future__ import annotations
@@ -55,8 +54,7 @@ def joint_state(
     left: Line, right: Line, pixels: LanePixels, grid: Grid, height_m: float, scan_y_m: np.ndarray
 ) -> JointFit:
     """Two separate lines as the joint fit's seven numbers: means of heading and bend; lines that drift apart are
-    pitch,
-    x_right - x_left = width (1 + pitch y / height)."""
+    pitch, x_right - x_left = width (1 + pitch y / height)."""
     (al, bl, cl), (ar, br, cr) = left.coefficients, right.coefficients
     width, centre = cr - cl, (cl + cr) / 2
     pitch = height_m * (br - bl) / max(width, 0.5)

@@ -25,7 +25,7 @@ from .world import World, mounting_of
 FOLDER = ROOT / "test_videos" / "rendered"
 WORK = ROOT / "build" / "frames"  # not in git
 LOOK = 1
-CRF, EXPOSURE_S = 22, 1 / 120  # H.264 quality; shutter of a dash cam in daylight
+CRF, EXPOSURE_S = 22, 1 / 400  # H.264 quality; shutter of a dash cam in daylight
 
 
 def describe():

@@ -61,6 +61,7 @@ def trace(
     seed: int = 0,
     max_depth: int = 5,
     end_pose: np.ndarray | None = None,
+    still=None,
     aovs: str = "",
     clamp: float = 50.0,
     per_pass: int = 8,
@@ -68,7 +69,8 @@ def trace(
 ):
     """Linear RGB (H, W, 3) float32, and with aovs (as Mitsuba's `aov` integrator names them) their channels as well.
 
-    world_from_camera (4, 4): camera axes x right, y down, z ahead. end_pose: the pose at the end of the exposure.
+    world_from_camera (4, 4): camera axes x right, y down, z ahead. end_pose: the pose at the end of the exposure;
+    still: a scene of what moves with the camera (the bonnet).
     clamp bounds a sample's radiance (fireflies). shrink renders every shrink-th pixel's area: a smaller picture.
     """
     path = {"type": "path", "max_depth": max_depth, "rr_depth": 3}
@@ -90,6 +92,8 @@ def trace(
         direction, origin = _posed(world_from_camera, d)
         if end_pose is not None:
             tau = sampler.next_1d()
+            if still is not None:  # what moves with the camera does not blur
+                tau = dr.select(still.ray_test(mi.Ray3f(origin, direction)), 0.0, tau)
             direction_1, origin_1 = _posed(end_pose, d)
             direction = dr.normalize(dr.lerp(direction, direction_1, tau))
             origin = dr.lerp(origin, origin_1, tau)

@@ -38,7 +38,7 @@ class World:
         furniture(self)
         self.plants(s_from, s_to)
         self.parts.update(self.garden.meshes())
-        self.group = None
+        self.group, self.bonnet = None, None
         for k, part in enumerate([] if moving else by_material(self.cars_at(0.0))):
             self.parts[f"car{k}"] = part
 
@@ -273,7 +273,9 @@ class World:
             parts = {**self.parts, "group": self.group, "still": {"type": "instance", "group": self.group}}
         if self.scene.get("hood", {}).get("show", True):  # the bonnet moves with the camera, both sit on the same body
             nominal = camera_pose(np.eye(4), mounting_of(self.scene))
-            parts.update(self.hood(camera_pose(m, mounting or mounting_of(self.scene)) @ np.linalg.inv(nominal)))
+            hood = self.hood(camera_pose(m, mounting or mounting_of(self.scene)) @ np.linalg.inv(nominal))
+            self.bonnet = mi.load_dict({"type": "scene", **hood})
+            parts.update(hood)
         if self.scene["sky"].get("kind") == "night":
             parts.update(self.headlights(m))
             parts.update(self.tail_lamps(time_s or 0.0))

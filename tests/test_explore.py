@@ -325,7 +325,7 @@ def test_detect_joint_fit_is_the_finders_and_the_controls_count(seen):
 def test_detect_says_why_there_is_no_lane(seen):
     _, _, rig = seen
     look = explore.detect_look(explore.Frame(np.full((360, 640, 3), 90, np.uint8), rig))
-    assert look.values["outcome"].startswith("none: ") and look.values["offset"] is None
+    assert look.values["outcome"] == "none" and look.values["reason"] and look.values["offset"] is None
     assert detection.minimum_by_default(explore.Frame(np.zeros((360, 640, 3), np.uint8), rig)) >= 1
 
 
@@ -356,7 +356,7 @@ def test_simulator_shows_the_scene_asked_for():
 
 def test_simulator_without_a_lane_shows_no_number():
     values = explore.simulator_look(light=0.001).values
-    assert values["outcome"].startswith("none") and values["offset"] is None and np.isnan(values["error at 10 m"])
+    assert values["outcome"] == "none" and values["offset"] is None and np.isnan(values["error at 10 m"])
 
 
 # ------------------------------------------------------------------------------------------------ lens, boards
@@ -414,7 +414,7 @@ def test_boards_show_the_errors_of_the_calibration(calibrated):
             off = projected_corners(board, calibration) - board.corners_px
             assert np.sqrt((off**2).sum(axis=1).mean()) == pytest.approx(board.rms_px, rel=0.01)
             assert explorer.values["worst corner"] == pytest.approx(np.hypot(*off.T).max())
-    assert explorer.values["used"].startswith("no: ")
+    assert explorer.values["used"] == "no" and explorer.values["remark"]
     explorer.children[1].children[-1].click()  # Worst
     errors = [board.rms_px or 0 for board in calibration.boards]
     assert explorer.values["rms of this board"] == max(errors)
@@ -549,11 +549,12 @@ def test_scrub_jumps_to_the_worst_frame(clip):
     path, _ = clip
     found = explore.look_through(path, roads.simulated_rig())
     assert found.results[BAD].status == "held" and found.worst[0] == BAD
-    assert found.badness[BAD] == pytest.approx(100 * (1 - found.results[BAD].confidence))
+    assert found.badness[BAD] == pytest.approx(100 - 50 * found.results[BAD].confidence)
+    assert found.badness[0] == pytest.approx(100 - 100 * found.results[0].confidence)
     explorer = explore.scrub_clip(found)
     on, worst = explorer.children[1].children[-2:]
     worst.click()
-    assert explorer.values["frame"] == BAD and explorer.values["outcome"].startswith("held")
+    assert explorer.values["frame"] == BAD and explorer.values["outcome"] == "held"
     on.click()
     assert explorer.values["frame"] == BAD + 1
 

@@ -71,12 +71,13 @@ def board_look(calibration: Calibration, number: int, picture: np.ndarray, *, ga
     used = sum(b.used for b in boards)
     readings = (
         Reading("picture", board.name),
-        Reading("used", ("yes" if board.used else "no") + (f": {board.reason}" if board.reason else "")),
+        Reading("used", "yes" if board.used else "no"),
         Reading("corners found", "–" if board.corners_px is None else f"{board.corners_wh[0]} × {board.corners_wh[1]}"),
         Reading("rms of this board", board.rms_px, "px", 3),
         Reading("worst corner", worst, "px", 2),
         Reading("rms of all", calibration.rms_px, "px", 3),
         Reading("boards used", f"{used} of {len(boards)}"),
+        *([Reading("remark", board.reason)] if board.reason else []),
     )
     return Look(stacked([shown, chart]), readings)
 

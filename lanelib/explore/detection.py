@@ -143,11 +143,12 @@ def lane_readings(result: LaneResult, truth=None) -> list[Reading]:
     radius = true.get("radius_m", float("inf") if true else None)
     radius = float("inf") if true and true.get("lanes") and radius is None else radius
     return [
-        Reading("outcome", result.status if not result.reason else f"{result.status}: {result.reason}"),
+        Reading("outcome", result.status),
         Reading("curvature", bend, "/km", 2, true_bend, signed=True),
         Reading("radius", result.radius_m, "m", 0, radius),
         Reading("offset", result.offset_m, "m", 2, true.get("offset_m"), signed=True),
         Reading("lane width", result.width_m, "m", 2, true.get("lane_width_m")),
+        *([Reading("reason", result.reason)] if result.reason else []),
     ]
 
 

@@ -31,6 +31,7 @@ STYLE = """<style>
   text-align: left;}
 .lx .lx-readings dt {font-size: 12px; color: var(--jp-ui-font-color1, #333); font-weight: 400;}
 .lx .lx-readings dd {font-variant-numeric: tabular-nums;}
+.lx .lx-readings > .lx-wide {grid-column: 1 / -1;}
 .lx .lx-value {font-size: 15px; font-weight: 600; color: var(--jp-content-font-color1, #000);}
 .lx .lx-truth {font-size: 12px; color: var(--jp-ui-font-color1, #333);}
 .lx .lx-note {font-size: 12px; color: var(--jp-ui-font-color2, #555); line-height: 1.4;}

@@ -20,6 +20,7 @@ from lanelib.draw.lettering import wrapped
 JPEG_QUALITY = 88  # thin coloured lines stay clean from here on, with full colour resolution
 WIDTH_PX = 960  # of a composed picture: as wide as a notebook's cell in a window of 1200 px
 NOTHING = "–"
+WIDE = 22  # letters; a longer value has a row of its own
 
 
 @dataclass(frozen=True)
@@ -97,8 +98,9 @@ def readings_html(readings: Iterable[Reading]) -> str:
     for reading in readings:
         truth = f'<dd class="lx-truth">truth {html.escape(reading.truth_text)}</dd>' if reading.truth_text else ""
         name = html.escape(reading.name)
+        wide = ' class="lx-wide"' if len(reading.text) > WIDE else ""
         items.append(
-            f'<div data-name="{name}"><dt>{name}</dt><dd class="lx-value">{html.escape(reading.text)}</dd>{truth}</div>'
+            f'<div data-name="{name}"{wide}><dt>{name}</dt><dd class="lx-value">{html.escape(reading.text)}</dd>{truth}</div>'
         )
     return f'<dl class="lx-readings">{"".join(items)}</dl>' if items else ""
 

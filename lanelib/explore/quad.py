@@ -32,7 +32,9 @@ function render({ model, el }) {
   const handles = model.get("names").map((name, i) => {
     const named = { role: "slider", "aria-label": `corner ${name}` };
     const g = make("g", { class: "lx-quad-corner", tabindex: 0, ...named });
-    g.append(make("circle", { r: w / 60, class: "lx-quad-ring" }), make("circle", { r: w / 320, class: "lx-quad-dot" }));
+    for (const [part, size] of [["ring", 60], ["dot", 320]]) {
+      g.append(make("circle", { r: w / size, class: `lx-quad-${part}` }));
+    }
     const inPicture = (e) => new DOMPoint(e.clientX, e.clientY).matrixTransform(svg.getScreenCTM().inverse());
     g.addEventListener("pointerdown", (e) => {
       const p = inPicture(e);

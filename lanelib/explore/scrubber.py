@@ -51,7 +51,7 @@ class Clip:
     @cached_property
     def badness(self) -> np.ndarray:
         """How bad each frame is, (N,): its mean error in px of a 1280-wide frame (at most 100, so much as a missed lane
-        counts) where truth is known, else 100 (1 - confidence)."""
+        counts) where truth is known, else 100 (1 - confidence), at least 50 where the lane is held from before."""
         return np.array([badness_of(*both, self._camera) for both in zip(self.results, self.truths, strict=True)])
 
     @property
@@ -71,7 +71,8 @@ class Clip:
 def badness_of(result: LaneResult, truth: Mapping | None, camera) -> float:
     """See `Clip.badness`."""
     if not truth:
-        return 100 * (1 - result.confidence)
+        doubt = 100 * (1 - result.confidence)
+        return 50 + doubt / 2 if result.status == "held" else doubt
     score = frame_score(
         truth, result.to_row("frame") if result else None, camera.scaled(result.size_wh) if result else None
     )
@@ -123,7 +124,7 @@ def scrub_look(clip: Clip, number: int, stage: str = "lane") -> Look:
     size_wh = (WIDTH_PX, round(WIDTH_PX * frame.shape[0] / frame.shape[1]))
     picture = draw.fitted(picture, size_wh)
     times = np.asarray(clip.times_s)
-    title = "error, px (missed: 100)" if any(clip.truths) else "100 % - confidence"
+    title = "error, px (missed: 100)" if any(clip.truths) else "doubt, %: 100 - confidence (held: at least 50)"
     curve = Curve("worse is higher", times, clip.badness, "held")
     chart = line_chart(
         [curve],
@@ -164,7 +165,8 @@ def scrub_clip(clip: Clip, *, stages_offered: Sequence[str] = STAGES) -> Explore
     last = len(clip) - 1
     number = counter("frame", 0, 0, max(last, 1))
     number.max = last
-    player = Player(last=last, layout=W.Layout(width="auto"))
+    number.layout.flex, number.layout.max_width = "1 1 100%", "100%"
+    player = Player(last=last, layout=W.Layout(width="auto", flex="0 0 auto"))
     W.jslink((player, "value"), (number, "value"))
     visited = [-1]
 

@@ -1,4 +1,4 @@
-"""Figures of notebook 08: a chessboard to print, the road from above as different rigs believe it, a command's words."""
+"""Figures of notebook 08: a chessboard to print, the road from above as different rigs believe it, a command."""
 
 from __future__ import annotations
 
@@ -53,10 +53,9 @@ def board_page(
                 page[edges[1][i] : edges[1][i + 1], edges[0][j] : edges[0][j + 1]] = 0
     _ruler(page, per_mm, round((paper_mm[1] - MARGIN_MM - 2) * per_mm), round(left * per_mm))
     text = f"100 mm    {corners_wh[0]}x{corners_wh[1]} inner corners, squares of {square_mm:g} mm; print at 100 %"
-    colour = cv2.cvtColor(page, cv2.COLOR_GRAY2BGR)
     at = (round((left + 104) * per_mm), round((paper_mm[1] - MARGIN_MM) * per_mm))
-    colour = draw.put_text(colour, text, at, 2.6 * per_mm, colour=(GREY,) * 3)
-    return cv2.cvtColor(colour, cv2.COLOR_BGR2GRAY)
+    draw.put_text(page, text, at, GREY, cap_px=2.6 * per_mm)
+    return page
 
 
 def _ruler(page: np.ndarray, per_mm: float, row: int, start: int) -> None:
@@ -91,7 +90,7 @@ def from_above(rig: Rig, frame_bgr: np.ndarray, *, size_wh: tuple[int, int] = (2
 
 
 def rigs_from_above(rigs: Mapping[str, Rig], frame_bgr: np.ndarray) -> Figure:
-    """The same frame from above as each rig believes it, without the lane: shape and scale are to be seen."""
+    """The same frame from above as each rig believes it: straight, parallel and as wide as it is, or not."""
     return show({name: from_above(rig, frame_bgr) for name, rig in rigs.items()}, columns=len(rigs))
 
 

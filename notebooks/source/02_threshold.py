@@ -129,7 +129,7 @@ n02.profiles({"asphalt in the sun": sunny, "concrete": concrete, "concrete, stai
 # A colour space is another set of axes for the same colours. Three that people use, with $M = \max(R,G,B)$ and
 # $m = \min(R,G,B)$:
 #
-# $$\text{HLS:}\quad L = \frac{M+m}{2}, \quad S = \frac{M-m}{M+m} \ \text{(dark half)}, \qquad
+# $$\text{HLS:}\quad L = \frac{M+m}{2}, \quad S = \frac{M-m}{\min(M+m,\ 510-M-m)}, \qquad
 # \text{HSV:}\quad V = M, \quad S = \frac{M-m}{M}, \qquad \text{LAB: } L,\ a,\ b \text{ as the eye judges them}$$
 #
 # **Predict:** in which channel is yellow paint on concrete easiest to see? And which one does not show white at all?
@@ -137,9 +137,13 @@ n02.profiles({"asphalt in the sun": sunny, "concrete": concrete, "concrete, stai
 # %% alt="Five channels of the concrete frame with their histograms: in red and L the road is nearly as bright as the paint; S and b show the yellow line brightly and the white one not at all."
 figures.channels(concrete, ["rgb_r", "rgb_b", "hls_l", "hls_s", "lab_b"])
 
+# %% alt="Five more channels: hue is noise on the grey road, S of HSV shows yellow, V is like red, U of YUV shows yellow dark, lightness of LAB is like L of HLS."
+figures.channels(concrete, ["hsv_h", "hsv_s", "hsv_v", "lab_l", "yuv_u"])
+
 # %% [markdown]
 # Yellow stands out in S and in b, and is *dark* in blue. White is bright in all of R, G, B and in L, and has hardly any
-# colour of its own, so S and b do not show it here. No single channel does both well.
+# colour of its own, so b does not show it. (S may, for a bad reason: near white the denominator of HLS is small, and
+# the slightest tint is a large S.) No single channel does both well.
 #
 # Which channel separates best? Take a pixel of paint and a pixel of road at random: how often is the paint the
 # higher one (or always the lower)? 1.00 means that *some* threshold separates them perfectly; 0.50 is a coin.
@@ -178,7 +182,7 @@ n02.best_thresholds({name: CHANNELS["rgb_r"](frame) for name, (frame, _) in road
 # large saturation. Here are the road pixels of all frames, no paint among them, sorted by lightness:
 
 # %%
-frames = [load(path.name) for path in shipped.images() if truth[path.name]["lanes"]]
+frames = [load(path.name) for path in shipped.images() if truth.get(path.name, {}).get("lanes")]
 light, saturation = (np.concatenate([CHANNELS[name](frame)[paint.road & ~paint.paint] for frame, paint in frames])
                      for name in ("hls_l", "hls_s"))
 for low, high in ((0, 50), (50, 80), (80, 140)):
@@ -293,8 +297,8 @@ seams, seams_paint = load("concrete_seams.jpg")
 n02.masks(seams, {recipe.title: recipe.function(seams) for recipe in RECIPES.values()}, seams_paint)
 
 # %% [markdown]
-# Every crack has two edges, so it is a line to the recipes that trust gradients alone. Ours finds both lines and no crack;
-# of each stripe it takes only the middle, hence the modest recall.
+# Every crack has two edges, so it is a line to the recipes that trust gradients alone. Ours finds both lines and no
+# crack; of each stripe it takes only the middle, hence the modest recall.
 
 # %% [markdown]
 # ## Local normalisation
@@ -339,7 +343,7 @@ n02.masks(concrete, paint_steps(concrete), concrete_paint)
 # recipe has the best recall on easy frames? Which loses most on the hard ones?
 
 # %% alt="Precision against recall: the project's own recipe lies in the upper right on easy frames; the classic ones lie at lower precision or lower recall; on hard frames all points move towards the lower left."
-names = [path.name for path in shipped.images() if truth[path.name]["lanes"]]
+names = [path.name for path in shipped.images() if truth.get(path.name, {}).get("lanes")]
 hard = datasets.tagged(truth, "hard")
 loaded = {name: load(name) for name in names}
 scores = {recipe.title: {name: paint.score(recipe.function(frame)) for name, (frame, paint) in loaded.items()}
@@ -359,7 +363,7 @@ for title, by_frame in scores.items():
 
 # %% [markdown]
 # What the numbers say: OR finds much and believes too much. AND finds a quarter of the paint, for colour and edge meet
-# only at the rim of a line. CLAHE has the best recall of the classic ones and the worst precision on hard frames.
+# only at the rim of a line. CLAHE has the best recall of the classic ones and poor precision on hard frames.
 # Asking for the *shape* of paint keeps precision high everywhere; what it loses on the hard frames is recall, mostly
 # where the paint itself is chipped away. That is the better way to fail: a fit can bridge a gap, but not a false line.
 #

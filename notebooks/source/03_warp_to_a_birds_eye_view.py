@@ -304,7 +304,7 @@ for name, ruler in rulers.items():
 # several frames and says how sure it is:
 
 # %%
-clear = [path for path in shipped.images() if "hard" not in truth[path.name]["tags"]]
+clear = [path for path in shipped.images() if "hard" not in truth.get(path.name, {"tags": ["hard"]})["tags"]]
 frames = [read_image(path) for path in clear]
 print(dash_period(rig, frames))
 

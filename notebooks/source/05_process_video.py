@@ -339,7 +339,7 @@ notebook.say(f"After {HOLD_FRAMES} frames ({HOLD_FRAMES / 25:.2f} s) the worst h
 
 # %% [markdown]
 # Half a second is what a held lane is good for on a motorway; in tighter bends it is less. Holding for ever is the worst
-# fault of all: many public pipelines draw a dead lane for minutes, because an old line is so much calmer than none.
+# fault of all: the dead lane looks so much calmer than none, and nothing on the screen says that it is dead.
 #
 # ### Exercise 4: Measured, held, none
 #
@@ -425,7 +425,8 @@ figures.show({f"{seconds[i]:.2f} s: {seen[i].status}": draw.overlay(troubled[i],
 
 # %% [markdown]
 # And for those who must find out *why*: the diagnostic video shows mask, evidence, windows, fit and numbers of each frame.
-# `lanelib video` writes both to files (H.264, so that browsers play them); `--help` tells how.
+# `lanelib video drive.mp4 --view overlay` (or `--view diagnostic`) writes them to files, in H.264, so that browsers play
+# them.
 
 # %% tags=["nbval-ignore-output"]
 watch = zip(frames[40:100:3], results["kalman"][40:100:3], strict=True)

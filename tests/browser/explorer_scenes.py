@@ -37,8 +37,7 @@ def frame_and_truth():
 def drive():
     """Frames and truths of a short drive; one frame is nearly black."""
     states = [
-        {"bend_1pkm": 3 * np.sin(i / 8), "offset_m": 0.3 * np.cos(i / 6), "along_m": float(i)}
-        for i in range(CLIP_FRAMES)
+        {"bend_1pkm": 1 + i / 24, "offset_m": 0.3 * np.cos(i / 20), "along_m": float(i)} for i in range(CLIP_FRAMES)
     ]
     states[DARK_FRAME]["light"] = 0.0005
     pairs = [render_road(scene_of(**state)) for state in states]
