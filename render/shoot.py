@@ -29,7 +29,7 @@ def hidden_test(scene, world_from_car, mounting):
     return hidden
 
 
-def light_of(mitsuba_scene, pose4, *, spp, seed, shrink=1, end_pose=None, max_depth=5, denoise=True, clamp=30.0):
+def light_of(mitsuba_scene, pose4, *, spp, seed, shrink=1, end_pose=None, still=None, max_depth=5, clamp=30.0):
     """(light, depth): denoised linear RGB and mean distance (0 for the sky)."""
     out = trace(
         mitsuba_scene,
@@ -40,15 +40,13 @@ def light_of(mitsuba_scene, pose4, *, spp, seed, shrink=1, end_pose=None, max_de
         aovs="a:albedo,n:sh_normal,d:depth",
         shrink=shrink,
         end_pose=end_pose,
+        still=still,
         max_depth=max_depth,
         clamp=clamp,
     )
     light, albedo, normal, depth = out[..., :3], np.clip(out[..., 3:6], 0, 1), out[..., 6:9], out[..., 9]
-    if denoise:
-        light = mitsuba_oidn.denoise(
-            np.ascontiguousarray(light), np.ascontiguousarray(albedo), np.ascontiguousarray(normal), hdr=True
-        )
-    return np.asarray(light), depth
+    light, albedo, normal = (np.ascontiguousarray(a) for a in (light, albedo, normal))
+    return np.asarray(mitsuba_oidn.denoise(light, albedo, normal, hdr=True)), depth
 
 
 def haze(light, depth, air):
@@ -102,6 +100,7 @@ def shoot(
         shrink=shrink,
         max_depth=max_depth,
         end_pose=None if end is None else camera_pose(end[0].world_from_car(world.road), end[1]),
+        still=world.bonnet,
     )
     truth = truth_of(world, pose, mounting, loaded, raw_file, tags)
     dr.flush_malloc_cache()

@@ -78,11 +78,11 @@ def test_what_fits_exactly_is_left_alone(numbers):
 @settings(max_examples=30, deadline=None)
 @given(within, st.floats(-1, 1))
 def test_a_hill_is_seen_through(numbers, hill):
-    """Crests and dips down to a radius of 6 km, with the prior that the finder uses: the lines to 30 m within 10 cm.
+    """Crests and dips down to a radius of 6 km, with the prior that the finder uses: the lines to 30 m within 15 cm.
 
-    Pitch and hill trade with each other (the fit holds the distance in a hill to first order), the lines hold."""
+    Pitch and hill trade with each other, and the prior pulls at the wildest of these roads; the lines hold."""
     lane = Lane7(*(*truth(0.6 * np.array(numbers)).mean[:HILL], hill * STD[HILL]))
-    assert off(fit(points_on_lane(lane), lane.mean), lane) < 0.1
+    assert off(fit(points_on_lane(lane), lane.mean), lane) < 0.15
 
 
 # ---------------------------------------------------------------------------------------------- derivatives

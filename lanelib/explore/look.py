@@ -99,9 +99,8 @@ def readings_html(readings: Iterable[Reading]) -> str:
         truth = f'<dd class="lx-truth">truth {html.escape(reading.truth_text)}</dd>' if reading.truth_text else ""
         name = html.escape(reading.name)
         wide = ' class="lx-wide"' if len(reading.text) > WIDE else ""
-        items.append(
-            f'<div data-name="{name}"{wide}><dt>{name}</dt><dd class="lx-value">{html.escape(reading.text)}</dd>{truth}</div>'
-        )
+        value = f'<dd class="lx-value">{html.escape(reading.text)}</dd>'
+        items.append(f'<div data-name="{name}"{wide}><dt>{name}</dt>{value}{truth}</div>')
     return f'<dl class="lx-readings">{"".join(items)}</dl>' if items else ""
 
 

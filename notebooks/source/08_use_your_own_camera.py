@@ -28,6 +28,7 @@ notebook.start("boards", "images", "rig")
 # %%
 import shutil
 import tempfile
+import textwrap
 from pathlib import Path
 
 import numpy as np
@@ -78,7 +79,8 @@ notebook.say(f"The lane is {truth['lane_width_m']:.2f} m wide; with the borrowed
 
 # %%
 page = n08.board_page((9, 6), square_mm=25, paper="A4", dpi=300)
-folder = Path(tempfile.mkdtemp())
+workshop = tempfile.TemporaryDirectory()  # goes away with this notebook's kernel
+folder = Path(workshop.name)
 write_image(folder / "board.png", page)
 print(f"board.png: {page.shape[1]} x {page.shape[0]} dots; found on it: {find_board(page[::3, ::3]).corners_wh}")
 
@@ -118,7 +120,7 @@ exercises.check_square_px(square_dots)
 # type in a terminal.
 
 # %%
-(folder / "boards").mkdir()
+(folder / "boards").mkdir(exist_ok=True)
 for path in shipped.boards():
     shutil.copy(path, folder / "boards")
 said = n08.command("lanelib calibrate boards -o calibration.json", folder, without=("k2", "k3", "p1", "p2"))
@@ -159,7 +161,7 @@ for what, (pictures, options) in tries.items():
         calibrate(pictures, **options)
         print(f"{what}: accepted")
     except LanelibError as error:
-        print(f"{what}:\n    {error}")
+        print(f"{what}:\n{textwrap.indent(textwrap.fill(str(error), 100), '    ')}")
 
 # %% [markdown]
 # What it cannot notice is a camera that changed between calibration and drive: another zoom, another video mode. For that
@@ -234,7 +236,8 @@ for name, rig in wrong.items():
     width, pitch, heading = (f"{seen.width_m:.2f}", *(f"{np.rad2deg(seen.fit.mean[i]):+.1f}" for i in (5, 1))
                              ) if seen else ("-", "-", "-")
     period = dash_period(rig, straight)
-    rows.append([name, width, pitch, heading, f"{period.period_m:.1f}" if period else "-"])
+    dashes = f"{period.period_m:.1f} ± {period.std_m:.1f}" if period else "-"
+    rows.append([name, width, pitch, heading, dashes])
 notebook.say(evaluate.table(rows))
 
 # %% [markdown]
@@ -326,9 +329,10 @@ for name, picture in (("as filmed", frame), ("zoomed", n08.zoomed(frame, 0.8))):
 notebook.say(evaluate.table(rows))
 
 # %% [markdown]
-# The width hardly moves: a longer focal length makes everything wider, but it also moves the near edge of the frame
-# away, and what remains looks like a nod. It is the lengths along the road that shrink, by the factor of the zoom; the
-# dashes give it away. A stabiliser does the same, and differently in every frame: switch it off.
+# The width hardly moves. A point of the road lies at $x = h\,(u - u_0)/(v - v_0)$, and a zoom enlarges both differences
+# alike. But $y = h\,f/(v - v_0)$: all lengths *along* the road shrink to 80 %, and with them curvature and look-ahead go
+# wrong. The dashes give it away; so does a "nod", because the horizon is not in the middle of the frame and moves, too.
+# A stabiliser does the same, differently in every frame: switch it off.
 #
 # ### Exercise 3: the focal length after a zoom
 #
@@ -361,8 +365,9 @@ print(LaneFinder(mine).process(np.zeros((480, 640, 3), np.uint8)).reason)
 
 # %% tags=["nbval-ignore-output"]
 finder = LaneFinder(mine)
-live(folder / clip.path.name, lambda picture, *_: draw.overlay(picture, finder.process(picture)),
-     window=False, max_frames=25, on_status=print)
+summary = live(folder / clip.path.name, lambda f, *_: draw.overlay(f, finder.process(f)),
+               window=False, max_frames=25, on_status=print)
+print(summary)
 
 # %% [markdown]
 # ## A set of your own
@@ -377,11 +382,7 @@ live(folder / clip.path.name, lambda picture, *_: draw.overlay(picture, finder.p
 #
 #     export LANELIB_DATA=my_data
 #     lanelib course --sets mycar
-
-# %%
-shutil.rmtree(folder)
-
-# %% [markdown]
+#
 # ## What you have learned
 #
 # - Four commands: `calibrate`, `rig`, `video`, `live`; each says what it could not use, and why.

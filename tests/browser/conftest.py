@@ -146,7 +146,7 @@ def open_and_run(browser, url: str, address: str, *, width: int = 1200):
     page.set_default_timeout(15_000)
     page.faults, page.outside = [], []
     page.on("pageerror", lambda error: page.faults.append(str(error)))
-    page.on("console", lambda message: page.faults.append(message.text) if message.type == "error" else None)
+    page.on("console", lambda m: page.faults.append(f"{m.text} {m.location['url']}") if m.type == "error" else None)
     inside = (url, "data:", "blob:", url.replace("http", "ws"))
     page.on("request", lambda r: None if r.url.startswith(inside) else page.outside.append(r.url))
     page.goto(f"{url}/{address}", wait_until="domcontentloaded")
