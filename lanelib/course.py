@@ -21,6 +21,7 @@ from lanelib.outputs import Console, json_lines, make_folder
 from lanelib.pictures import read_image, write_bytes, write_image
 from lanelib.pipeline import progress_bar
 from lanelib.runs import TALLY_HEAD, Tally, run_video, write_pictures
+from lanelib.writeup import write_up
 
 BEFORE_AFTER = 2  # boards, and road pictures, shown before and after undistortion
 FAULT, BAD_INPUT = 1, 2
@@ -35,6 +36,7 @@ class Report:
     rows: list[list[str]] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
     faults: int = 0
+    calibrated: calibration.Calibration | None = None
 
     def markdown(self) -> str:
         """The summary of the set."""
@@ -89,8 +91,12 @@ def run_set(data_set: datasets.DataSet, *, videos: bool, preset: str, console: C
             with _goes_on(report, console):
                 make_folder(data_set.output_videos)
                 _videos(data_set, rig, preset, report, console)
-    write_bytes(data_set.output_images / "summary.md", report.markdown().encode())
-    console.note(f"wrote {data_set.output_images / 'summary.md'}")
+    for name, text in (
+        ("summary.md", report.markdown()),
+        ("WRITEUP.md", write_up(data_set, rig, report.calibrated)),
+    ):
+        write_bytes(data_set.output_images / name, text.encode())
+        console.note(f"wrote {data_set.output_images / name}")
     return report
 
 
@@ -113,7 +119,7 @@ def _goes_on(report: Report, console: Console):
 
 def _calibrate(data_set: datasets.DataSet, report: Report, console: Console) -> None:
     boards = data_set.boards()
-    found = calibration.calibrate(boards)
+    found = report.calibrated = calibration.calibrate(boards)
     path = found.save(data_set.output_images / "calibration.json")
     used = sum(board.used for board in found.boards)
     report.lines.append(

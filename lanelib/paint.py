@@ -117,7 +117,9 @@ def weight_of(z: np.ndarray) -> np.ndarray:
 
 def paint_points(z: np.ndarray) -> PaintPoints:
     """Crests of the response (H, W): local maxima along each row, located by the parabola through three pixels."""
-    crest = cv2.compare(one_channel(z), cv2.dilate(z, np.ones((1, 3), np.uint8)), cv2.CMP_GE)
+    if one_channel(z).shape[1] < 3:  # a crest has a neighbour on both sides
+        return PaintPoints(np.empty(0, int), np.empty(0), np.empty(0, np.float32))
+    crest = cv2.compare(z, cv2.dilate(z, np.ones((1, 3), np.uint8)), cv2.CMP_GE)
     crest &= cv2.compare(z, WEAK_Z, cv2.CMP_GT)
     crest[:, [0, -1]] = 0
     at = np.flatnonzero(crest)

@@ -1,5 +1,7 @@
 """Cars: a lofted body with windows, lamps, plate, bumper, wheels. Good from about 25 m, like soap when closer."""
 
+from functools import cache
+
 import numpy as np
 
 from .tracer import box, diffuse, glossy, grid_faces
@@ -25,6 +27,7 @@ def _smooth(values, xs):
     return np.convolve(np.pad(y, 2, mode="edge"), kernel, "valid")
 
 
+@cache
 def car(color=(0.02, 0.02, 0.022), shape="saloon"):
     """[(points, faces, bsdf)]: x to the nose (tail at 0), y left, z up."""
     xs, columns = np.linspace(0, LENGTH_M, 72), 41

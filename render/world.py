@@ -265,7 +265,7 @@ class World:
         parts = dict(self.parts)
         if time_s is not None:  # what stands still is put into one group, so that only the rest is built anew
             if self.group is None:
-                lights = {k: v for k, v in parts.items() if k == "sky"}
+                lights = {"sky": mi.load_dict(parts["sky"])}  # made once: its tables take seconds
                 self.group = mi.load_dict(
                     {"type": "shapegroup", **{k: v for k, v in parts.items() if k not in ("sky", "type")}}
                 )

@@ -70,8 +70,9 @@ def test_zoomed_focal():
 
 
 @pytest.mark.parametrize(
-    ("corners_wh", "square_mm", "paper", "dpi"), [((9, 6), 25, "A4", 150), ((8, 5), 40, "A3", 100), ((7, 5), 27, "Letter", 200)]
-)  # fmt: skip
+    ("corners_wh", "square_mm", "paper", "dpi"),
+    [((9, 6), 25, "A4", 150), ((8, 5), 40, "A3", 100), ((7, 5), 27, "Letter", 200)],
+)
 def test_a_printed_board_is_found_and_to_scale(corners_wh, square_mm, paper, dpi):
     page = n08.board_page(corners_wh, square_mm=square_mm, paper=paper, dpi=dpi)
     assert page.dtype == np.uint8 and page.shape[1] == round(n08.PAPERS_MM[paper][0] / 25.4 * dpi)
@@ -116,11 +117,13 @@ def test_a_wider_believed_road_looks_wider_from_above():
     line = low.birdseye.points_from_road([[-1.8, 6.0], [-1.8, 30.0]])
     cv2.line(frame, *(tuple(map(int, np.round(p))) for p in line), (255, 255, 255), 2)
 
-    def column(rig):
-        return np.argmax(n08.from_above(rig, frame)[300, :, 1])
+    def left_of_the_middle(rig):
+        picture = n08.from_above(rig, frame)
+        height, width = picture.shape[:2]
+        row = picture[round(0.78 * height), : width // 2, 1].astype(int)  # 12 m ahead, between two marks of the ruler
+        return width // 2 - (width // 4 + int(np.argmax(row[width // 4 :])))
 
-    middle = 120
-    assert (middle - column(high)) / (middle - column(low)) == pytest.approx(1.5 / 1.2, rel=0.12)
+    assert left_of_the_middle(high) / left_of_the_middle(low) == pytest.approx(1.5 / 1.2, rel=0.12)
 
 
 def test_a_command_shows_what_it_said(tmp_path):

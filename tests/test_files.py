@@ -82,10 +82,10 @@ def test_hard_links_and_links_to_nowhere(place, capsys):
     """A hard link of the input is the input; a link to nowhere as output is replaced, not followed."""
     os.link("clip.mp4", "same.mp4")
     before = Path("clip.mp4").read_bytes()
-    assert cli.main("video clip.mp4 --rig rig.json -o same.mp4 --quiet".split()) == 2
+    assert cli.main(["video", "clip.mp4", "--rig", "rig.json", "-o", "same.mp4", "--quiet"]) == 2
     assert Path("clip.mp4").read_bytes() == before and "found the same" in capsys.readouterr().err
     Path("nowhere.mp4").symlink_to("gone.mp4")
-    assert cli.main("video clip.mp4 --rig rig.json -o nowhere.mp4 --quiet".split()) == 0
+    assert cli.main(["video", "clip.mp4", "--rig", "rig.json", "-o", "nowhere.mp4", "--quiet"]) == 0
     assert Path("nowhere.mp4").stat().st_size and not Path("gone.mp4").exists()
 
 

@@ -5,6 +5,7 @@ about its own bad input stands in that module's tests; here are the promises tha
 """
 
 import contextlib
+import itertools
 import json
 import math
 
@@ -138,6 +139,13 @@ def test_any_array_into_an_image_function(name):
 
     check()
     assert any(given_result) or name in ("undistort", "overlay_yuv420", "overlay", "overlay_bgr")
+
+
+@pytest.mark.parametrize("name", IMAGE_FUNCTIONS)
+def test_every_tiny_picture(name):
+    """No pixel, one, two or three each way: where border rules and scalars of one pixel surprise."""
+    for shape in itertools.product(range(4), range(4), (0, 1, 3, 4)):
+        answer(IMAGE_FUNCTIONS[name], np.full(shape if shape[2] else shape[:2], 200, np.uint8))
 
 
 @pytest.mark.parametrize("finder", [

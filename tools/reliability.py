@@ -19,7 +19,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import traceback
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -122,8 +121,8 @@ class Tried:
             self.refused += 1
             if len(str(error).splitlines()) != 1:
                 self.faults.append(f"{what}: an error of several lines")
-        except Exception:
-            self.faults.append(f"{what}: {traceback.format_exc().splitlines()[-1][:160]}")
+        except Exception as error:
+            self.faults.append(f"{what}: {type(error).__name__}: {' '.join(str(error).split())[:160]}")
         self.slowest_s = max(self.slowest_s, time.monotonic() - begin)
         if time.monotonic() - begin > TOO_LONG_S:
             self.faults.append(f"{what}: took {time.monotonic() - begin:.0f} s")
@@ -433,7 +432,7 @@ def campaign(minutes: float, seed: int) -> str:
         f"Written by `python tools/reliability.py --minutes {minutes:g} --seed {seed}`. A fault is anything but a "
         "result or one error of one line: a traceback, an end by a signal, more than "
         f"{TOO_LONG_S:.0f} s for one input.", "",
-        f"**{total:,} inputs tried, {injected} faults injected, {len(faults)} kinds of fault found.**", "",
+        f"**{total:,} inputs tried, {injected} faults injected, {len(faults)} {'fault' if len(faults) == 1 else 'kinds of fault'} found.**", "",
         "## Bad input", "",
         "| " + " | ".join(head) + " |", "|---|" + "---:|" * (len(head) - 1),
         *("| " + " | ".join(row) + " |" for row in rows),

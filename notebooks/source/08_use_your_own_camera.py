@@ -241,8 +241,8 @@ for name, rig in wrong.items():
 notebook.say(evaluate.table(rows))
 
 # %% [markdown]
-# (True: a width of 3.66 m and dashes every 14.63 m. Two frames give the dashes to about half a metre, a clip
-# does better.) The finder forgives a good deal, because it estimates nod and heading anew in every frame: it reports a "nod"
+# (True: a width of 3.66 m and dashes every 14.63 m. Two frames give the dashes with the uncertainty shown,
+# a clip does better.) The finder forgives a good deal, because it estimates nod and heading anew in every frame: it reports a "nod"
 # of a whole degree that is none, and a lane that leads two degrees to the right. So these two numbers, averaged over
 # a straight drive, are the best check there is: **both should be near zero.** What it cannot forgive is the scale.
 #
