@@ -20,6 +20,7 @@ from lanelib.pictures import read_text, write_bytes
 
 FORMAT = "lanelib-camera/1"
 INTRINSICS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+MAX_DISTORTION = 1e6  # folds the picture within a pixel of its centre; beyond, floating point overflows
 ASPECT_TOLERANCE = 0.005  # 1281x721 is the camera of 1280x720 (0.06 %), a 4:3 picture of a 16:9 camera is a crop (33 %)
 
 
@@ -49,6 +50,8 @@ class Camera:
     def __post_init__(self):
         matrix = _numbers(self.camera_matrix, (3, 3), "camera_matrix")
         distortion = _numbers(self.distortion, (5,), "distortion (k1, k2, p1, p2, k3)")
+        if np.abs(distortion).max() > MAX_DISTORTION:
+            raise LanelibError(f"camera: need a distortion within +-{MAX_DISTORTION:g}, found {_short(distortion.tolist())}")
         fx, fy = matrix[0, 0], matrix[1, 1]
         if fx <= 0 or fy <= 0 or matrix[0, 1] != 0 or matrix[1, 0] != 0 or (matrix[2] != (0, 0, 1)).any():
             raise LanelibError(

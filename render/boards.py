@@ -164,6 +164,6 @@ def render_boards(names=None, *, spp=24, force=False, shrink=1, folder=FOLDER):
             "tags": board.get("tags", []) + (["bowed"] if "bow" in board else []) + [board["light"]],
         }
         update_truth(folder / "truth.json", "boards", entry, [b["name"] for b in about["board"]])
-        if shrink == 1:
+        if shrink == 1 and folder == FOLDER:
             remember(f"camera_cal/{name}", key)
         print(f"{name}: board {k + 1} of {len(about['board'])}", flush=True)

@@ -114,14 +114,15 @@ def test_a_wider_believed_road_looks_wider_from_above():
     camera = Camera.ideal((320, 180), hfov_deg=60)
     frame = np.full((180, 320, 3), 90, np.uint8)
     low, high = (Rig(camera, BirdsEye.from_mounting(camera, height_m=h, pitch_deg=3)) for h in (1.2, 1.5))
-    line = low.birdseye.points_from_road([[-1.8, 6.0], [-1.8, 30.0]])
-    cv2.line(frame, *(tuple(map(int, np.round(p))) for p in line), (255, 255, 255), 2)
+    edge = low.birdseye.points_from_road([[-1.8, 6.0], [-1.8, 30.0]])
+    beside = np.array([*edge, (0, edge[1][1]), (0, 179)]).round().astype(np.int32)
+    cv2.fillPoly(frame, [beside], (255, 255, 255))  # all left of x = -1.8 m is white
 
     def left_of_the_middle(rig):
         picture = n08.from_above(rig, frame)
         height, width = picture.shape[:2]
         row = picture[round(0.78 * height), : width // 2, 1].astype(int)  # 12 m ahead, between two marks of the ruler
-        return width // 2 - (width // 4 + int(np.argmax(row[width // 4 :])))
+        return width // 2 - (width // 4 + int(np.argmin(row[width // 4 :] > 170)))
 
     assert left_of_the_middle(high) / left_of_the_middle(low) == pytest.approx(1.5 / 1.2, rel=0.12)
 

@@ -229,6 +229,17 @@ def test_any_calibration(focal, centre, lens, size):
         assert made.distort_points(np.zeros((3, 2))).shape == made.undistort_points(np.zeros((3, 2))).shape == (3, 2)
 
 
+@pytest.mark.parametrize("value", [1e305, -1e305, 1e7, 1e6, -1e6, 1e-320])
+@pytest.mark.parametrize("at", range(5))
+def test_a_coefficient_out_of_all_proportion(at, value):
+    """Refused, or a rig that can be looked through: roots of a polynomial with such a term must not overflow."""
+    camera = answer(Camera, CAMERA.camera_matrix, np.where(np.arange(5) == at, value, 0.01), SIZE_WH)
+    assert (camera is None) == (abs(value) > 1e6)
+    if camera is not None:
+        with np.errstate(all="ignore"):
+            answer(LaneFinder(Rig(camera, RIG.birdseye)).process, ROAD_BGR)
+
+
 @fuzz(60)
 @given(lens=st.lists(st.floats(-2, 2), min_size=5, max_size=5), focal=st.floats(40, 400))
 def test_any_lens(lens, focal):

@@ -432,7 +432,7 @@ def campaign(minutes: float, seed: int) -> str:
         f"Written by `python tools/reliability.py --minutes {minutes:g} --seed {seed}`. A fault is anything but a "
         "result or one error of one line: a traceback, an end by a signal, more than "
         f"{TOO_LONG_S:.0f} s for one input.", "",
-        f"**{total:,} inputs tried, {injected} faults injected, {len(faults)} {'fault' if len(faults) == 1 else 'kinds of fault'} found.**", "",
+        f"**{total:,} inputs tried, {injected} faults injected, kinds of fault found: {len(faults)}.**", "",
         "## Bad input", "",
         "| " + " | ".join(head) + " |", "|---|" + "---:|" * (len(head) - 1),
         *("| " + " | ".join(row) + " |" for row in rows),

@@ -17,6 +17,7 @@ from contextlib import contextmanager
 import ipywidgets as W
 
 from lanelib.errors import LanelibError
+from lanelib.explore.access import Access
 from lanelib.explore.look import WIDTH_PX, Look, message_card, readings_html
 
 STYLE = """<style>
@@ -41,7 +42,6 @@ STYLE = """<style>
   color: var(--jp-content-font-color1, #000);}
 .lx .widget-image {border-radius: 3px;}
 .lx .widget-box, .lx > .widget-html, .lx .widget-image {margin: 0;}
-.lx .lx-unseen {position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%);}
 .lx .noUi-handle:focus-visible, .lx button:focus-visible, .lx select:focus-visible {outline: 3px solid #0072b2;
   outline-offset: 1px;}
 </style>"""
@@ -122,9 +122,9 @@ class Explorer(W.VBox):
             picture = W.Box(
                 [beside, self.pane], layout=W.Layout(width="100%", flex_flow="row", align_items="flex-start")
             )
-        about = f'<div class="lx-unseen">Picture: {html.escape(alt)}</div>' if alt else ""  # an Image has no alt text
-        head = W.HTML(f'{STYLE}<div class="lx-title">{html.escape(title)}</div>{about}')
-        super().__init__([head, panel, picture, *below, self.numbers], layout=W.Layout(width="100%"))
+        head = W.HTML(f'{STYLE}<div class="lx-title">{html.escape(title)}</div>')
+        access = Access(label=title, alt=alt or title, layout=W.Layout(display="none"))
+        super().__init__([head, panel, picture, *below, self.numbers, access], layout=W.Layout(width="100%"))
         self.add_class("lx")
         for control in self.controls.values():
             control.observe(self._changed, "value")

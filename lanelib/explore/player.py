@@ -12,6 +12,7 @@ ESM = """
 function render({ model, el }) {
   const button = document.createElement("button");
   button.className = "jupyter-button widget-button lx-player";
+  button.setAttribute("data-lm-suppress-shortcuts", "true");
   button.title = "play the clip, stop it";
   let timer = null;
   const draw = () => {

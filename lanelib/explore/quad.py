@@ -30,7 +30,7 @@ function render({ model, el }) {
   let corners = [], dragged = -1, from = [0, 0], url = null, waiting = false;
   const clamp = (v, top) => Math.round(Math.min(top, Math.max(0, v)) * 10) / 10;
   const handles = model.get("names").map((name, i) => {
-    const named = { role: "slider", "aria-label": `corner ${name}` };
+    const named = { role: "slider", "aria-label": `corner ${name}`, "data-lm-suppress-shortcuts": true };
     const g = make("g", { class: "lx-quad-corner", tabindex: 0, ...named });
     for (const [part, size] of [["ring", 60], ["dot", 320]]) {
       g.append(make("circle", { r: w / size, class: `lx-quad-${part}` }));

@@ -32,11 +32,10 @@ import cv2
 import numpy as np
 
 from lanelib import LaneFinder, Rig, ablation, datasets, draw, evaluate, exercises, explore, figures
-from lanelib import windows as search_windows
 from lanelib.figures import n07
-from lanelib.pipeline import process_video
-from lanelib.threshold import recipe_by_name
-from lanelib.video import VideoWriter, read_frames
+
+# %%
+from lanelib import pipeline, threshold, video, windows
 
 rig = Rig.load(datasets.get("rendered").rig_file)
 frame, truth = notebook.road("test2.jpg")
@@ -51,18 +50,18 @@ camera = rig.camera
 
 # %%
 view = LaneFinder(rig).view((1280, 720))
-recipe = recipe_by_name(ablation.CLASSIC)
+recipe = threshold.recipe_by_name(ablation.CLASSIC)
 undistorted = cv2.undistort(frame, camera.camera_matrix, camera.distortion)
 mask = recipe.function(undistorted)
 from_above = view.metric.warp(mask)
-pixels = search_windows.find_pixels(from_above, view.metric.grid)
+pixels = windows.find_pixels(from_above, view.metric.grid)
 lane = LaneFinder(rig, recipe=ablation.CLASSIC, track=False).process(frame).lane
 steps = {
     "undistort": lambda: cv2.undistort(frame, camera.camera_matrix, camera.distortion),
     "threshold": lambda: recipe.function(undistorted),
     "warp": lambda: view.metric.warp(mask),
-    "windows": lambda: search_windows.find_pixels(from_above, view.metric.grid),
-    "fit": lambda: search_windows.fit_lines(pixels, view.metric.grid),
+    "windows": lambda: windows.find_pixels(from_above, view.metric.grid),
+    "fit": lambda: windows.fit_lines(pixels, view.metric.grid),
     "draw": lambda: n07.warped_back_overlay(frame, view.metric, camera, lane),
 }
 
@@ -118,7 +117,7 @@ notebook.say(f"Where both see the road, they differ by {difference.mean():.2f} g
 # That last number is a gift: an undistorted picture of the same size cuts off the corners of the frame, and the road
 # beside the car lies there.
 
-# %% tags=["nbval-ignore-output"]
+# %% tags=["nbval-ignore-output"] alt="CPU time of undistorting and of the fused table: the table takes a small part."
 step1 = n07.milliseconds({
     "undistort, tables made anew": steps["undistort"],
     "undistort, tables kept": lambda: camera.undistort(frame),
@@ -176,7 +175,7 @@ for (column, _), sized, a, b in zip(sizes, views, at_20, worst, strict=True):
     lines.append([f"{100 * column:.2f}", f"{w} × {h}", f"{w * h / 921600:.4f}", f"{a:.2f}", f"{b:.1f}"])
 notebook.say(evaluate.table(lines))
 
-# %% tags=["nbval-ignore-output"]
+# %% tags=["nbval-ignore-output"] alt="CPU time of a search in views of six sizes: below 5 cm columns it rises steeply."
 cost = n07.milliseconds({f"{100 * c:.2f} cm": (lambda v=v: ablation.lane_in_view(v, frame))
                          for (c, _), v in zip(sizes, views, strict=True)}, repeat=4)
 figures.bars(cost, unit="CPU time of a fresh search, ms", highlight="5.00 cm")
@@ -192,7 +191,7 @@ figures.bars(cost, unit="CPU time of a fresh search, ms", highlight="5.00 cm")
 # A lane does not jump. A fresh search tries bends, bearings and widths by the thousand; while tracking, the last
 # frame's lane is the start and only the points beside it matter.
 
-# %% tags=["nbval-ignore-output"]
+# %% tags=["nbval-ignore-output"] alt="CPU time of a fresh search and of tracking: tracking takes about a third."
 fresh, tracking = LaneFinder(rig, track=False), LaneFinder(rig)
 tracking.process(frame)
 step3 = n07.milliseconds({"fresh search": lambda: fresh.process(frame),
@@ -254,7 +253,7 @@ for line, drawn in ((result.lane.left, result.left_px), (result.lane.right, resu
 notebook.say(f"The polygon's edges lie within {np.abs(off).max():.2f} px of the fitted lines, each point "
              "of which was taken through nod, homography and lens on its own.")
 
-# %% tags=["nbval-ignore-output"]
+# %% tags=["nbval-ignore-output"] alt="CPU time of two ways to draw: the polygon takes a small part."
 canvas = frame.copy()
 step4 = n07.milliseconds({"draw, warp back, blend": steps["draw"],
                           "polygon in place": lambda: draw.overlay_bgr(canvas, result)})
@@ -318,7 +317,7 @@ def frames_a_second(stage_ms):
 exercises.check_frame_rates(frames_a_second)
 
 # %% [markdown]
-# Now for real: the same three seconds of the clip, first in the simplest loop, then through `process_video`, which
+# Now for real: the same three seconds of the clip, first in the simplest loop, then through `pipeline.process_video`, which
 # decodes and encodes in processes of their own and hands on frames as YUV planes, the way the file stores them: no
 # conversion to BGR and back, half the bytes.
 
@@ -326,7 +325,8 @@ exercises.check_frame_rates(frames_a_second)
 def simple_loop(source, target, end_s=3.0):
     """Decode, find, draw, encode, one after the other, in BGR; returns the rows."""
     finder, rows = LaneFinder(clip.rig), []
-    with read_frames(source, end_s=end_s) as frames, VideoWriter(target, fps=clip.fps) as writer:
+    with (video.read_frames(source, end_s=end_s) as frames,
+          video.VideoWriter(target, fps=clip.fps) as writer):
         for picture in frames:
             found = finder.process(picture.frame_bgr)
             rows.append(found.to_row(f"{picture.index:06}"))
@@ -343,7 +343,7 @@ def pipelined(source, target, end_s=3.0):
         rows.append(found.to_row(f"{index:06}"))
         return draw.overlay_yuv420(planes, found)
 
-    process_video(source, work, output=target, end_s=end_s, pixel_format="yuv420p")
+    pipeline.process_video(source, work, output=target, end_s=end_s, pixel_format="yuv420p")
     return rows
 
 # %%
@@ -360,7 +360,7 @@ apart = evaluate.score(a, b).pixels
 notebook.say(f"{len(a)} and {len(b)} frames, in the same order: {list(a) == list(b)}. The lines are "
              f"{apart.mean_px:.2f} px apart, because the planes' colours are half as large.")
 
-# %% tags=["nbval-ignore-output"]
+# %% tags=["nbval-ignore-output"] alt="Frames a second from file to file: the pipelined way is faster."
 rates = {name: len(a) / s for name, s in seconds.items()}
 figures.bars(rates, unit="frames a second, file to file", highlight="pipelined", digits=0)
 

@@ -34,14 +34,10 @@ from pathlib import Path
 import numpy as np
 
 from lanelib import LaneFinder, Rig, datasets, draw, evaluate, exercises, explore, figures
-from lanelib.autorig import rig_at, vanishing_point
-from lanelib.birdseye import BirdsEye
-from lanelib.calibration import calibrate
-from lanelib.camera import Camera
-from lanelib.chessboard import find_board
-from lanelib.dashes import dash_period
-from lanelib.errors import LanelibError
 from lanelib.figures import n01, n08
+
+# %%
+from lanelib import BirdsEye, Camera, LanelibError, autorig, calibration, chessboard, dashes
 from lanelib.live import live
 from lanelib.pictures import read_image, write_image
 from lanelib.video import read_frames
@@ -82,7 +78,8 @@ page = n08.board_page((9, 6), square_mm=25, paper="A4", dpi=300)
 workshop = tempfile.TemporaryDirectory()  # goes away with this notebook's kernel
 folder = Path(workshop.name)
 write_image(folder / "board.png", page)
-print(f"board.png: {page.shape[1]} x {page.shape[0]} dots; found on it: {find_board(page[::3, ::3]).corners_wh}")
+found = chessboard.find_board(page[::3, ::3]).corners_wh
+print(f"board.png: {page.shape[1]} x {page.shape[0]} dots; found on it: {found}")
 
 # %% alt="A page with a chessboard of 10 by 7 squares and a ruler of 100 mm below it."
 figures.show(page[::4, ::4], width=6)
@@ -134,8 +131,8 @@ said
 # Are the corners everywhere?
 
 # %% alt="All corners of the boards in one frame; they reach into all four corners of the picture."
-calibration = calibrate(folder / "boards")
-n01.coverage(calibration.boards, calibration.camera.size_wh)
+calibrated = calibration.calibrate(folder / "boards")
+n01.coverage(calibrated.boards, calibrated.camera.size_wh)
 
 # %% [markdown]
 # ### What goes wrong, and how it shows
@@ -156,9 +153,9 @@ tries = {
 }
 
 # %%
-for what, (pictures, options) in tries.items():
+for what, (seen, options) in tries.items():
     try:
-        calibrate(pictures, **options)
+        calibration.calibrate(seen, **options)
         print(f"{what}: accepted")
     except LanelibError as error:
         print(f"{what}:\n{textwrap.indent(textwrap.fill(str(error), 100), '    ')}")
@@ -222,7 +219,7 @@ wrong = {
     "height + 20 %": Rig(c, BirdsEye.from_mounting(c, **{**m, "height_m": 1.2 * m["height_m"]})),
     "pitch + 1°": Rig(c, BirdsEye.from_mounting(c, **{**m, "pitch_deg": m["pitch_deg"] + 1})),
     "yaw + 2°": Rig(c, BirdsEye.from_mounting(c, **{**m, "yaw_deg": m["yaw_deg"] + 2})),
-    "focal + 20 %": rig_at(longer, vanishing_point(own), m["height_m"]),
+    "focal + 20 %": autorig.rig_at(longer, autorig.vanishing_point(own), m["height_m"]),
 }
 
 # %% alt="The same straight road from above with five rigs: right; wider; closing; leaning to the right; stretched."
@@ -235,9 +232,9 @@ for name, rig in wrong.items():
     seen = LaneFinder(rig, track=False).process(frame)
     width, pitch, heading = (f"{seen.width_m:.2f}", *(f"{np.rad2deg(seen.fit.mean[i]):+.1f}" for i in (5, 1))
                              ) if seen else ("-", "-", "-")
-    period = dash_period(rig, straight)
-    dashes = f"{period.period_m:.1f} ± {period.std_m:.1f}" if period else "-"
-    rows.append([name, width, pitch, heading, dashes])
+    period = dashes.dash_period(rig, straight)
+    found = f"{period.period_m:.1f} ± {period.std_m:.1f}" if period else "-"
+    rows.append([name, width, pitch, heading, found])
 notebook.say(evaluate.table(rows))
 
 # %% [markdown]
@@ -256,8 +253,8 @@ notebook.say(evaluate.table(rows))
 # - **d** Lines parallel, but on straight road both lead to the right, and the lane seems to leave the car's path.
 
 # %%
-# STUB: diagnosis = {"a": ..., "b": ..., "c": ..., "d": ...}
 # BEGIN SOLUTION
+# STUB: diagnosis = {"a": ..., "b": ..., "c": ..., "d": ...}
 diagnosis = {"a": "height", "b": "pitch", "c": "focal length", "d": "yaw"}
 # END SOLUTION
 exercises.check_diagnosis(diagnosis)
@@ -322,7 +319,8 @@ notebook.say(f"{len(lanes)} frames, TuSimple **{pixels.tusimple:.3f}**, strict {
 # %%
 rows = [["frame", "width, m", "offset, m", "nod found, °", "dashes, m"]]
 for name, picture in (("as filmed", frame), ("zoomed", n08.zoomed(frame, 0.8))):
-    seen, period = LaneFinder(mine, track=False).process(picture), dash_period(mine, [picture])
+    seen = LaneFinder(mine, track=False).process(picture)
+    period = dashes.dash_period(mine, [picture])
     nod = f"{np.rad2deg(seen.fit.mean[5]):+.2f}" if seen else "-"
     numbers = [f"{seen.width_m:.2f}", f"{seen.offset_m:+.2f}", nod] if seen else ["-"] * 3
     rows.append([name, *numbers, f"{period.period_m:.1f}" if period else "-"])

@@ -321,15 +321,12 @@ def test_a_fault_in_a_callback_is_seen(lab_page):
 def test_every_control_has_a_name_and_can_be_reached_by_keyboard(lab_page):
     nameless = lab_page.evaluate("""() => {
         const bad = [];
-        const kinds = ['button', 'select', 'input', '.noUi-handle', '.lx-quad-corner'].map(kind => '.lx ' + kind);
-        for (const e of document.querySelectorAll(kinds.join())) {
-            if (e.matches('input[type=number], .widget-readout')) continue;
-            const row = e.closest('.widget-inline-hbox');
-            const name = e.getAttribute('aria-label') || e.textContent.trim() || e.title
-                || e.closest('label')?.textContent.trim() || row?.querySelector('label')?.textContent.trim()
-                || e.closest('[title]')?.title;
-            if (!name) bad.push(e.outerHTML.slice(0, 120));
-            const off = e.disabled || e.closest('[disabled]');
+        const kinds = ['button', 'select', 'input', '.noUi-handle', '.lx-quad-corner', 'img'];
+        for (const e of document.querySelectorAll(kinds.map(kind => '.lx ' + kind).join())) {
+            if (e.matches('input[type=number]')) continue;
+            const name = e.getAttribute('aria-label') || e.alt || e.textContent.trim() || e.closest('label')?.textContent;
+            if (!name) bad.push('no name: ' + e.outerHTML.slice(0, 120));
+            const off = e.tagName === 'IMG' || e.disabled || e.closest('[disabled]');
             if (e.tabIndex < 0 && !off) bad.push('not reachable: ' + e.outerHTML.slice(0, 120));
         }
         return bad;
