@@ -51,7 +51,8 @@ class Camera:
         matrix = _numbers(self.camera_matrix, (3, 3), "camera_matrix")
         distortion = _numbers(self.distortion, (5,), "distortion (k1, k2, p1, p2, k3)")
         if np.abs(distortion).max() > MAX_DISTORTION:
-            raise LanelibError(f"camera: need a distortion within +-{MAX_DISTORTION:g}, found {_short(distortion.tolist())}")
+            found = _short(distortion.tolist())
+            raise LanelibError(f"camera: need a distortion within +-{MAX_DISTORTION:g}, found {found}; calibrate again")
         fx, fy = matrix[0, 0], matrix[1, 1]
         if fx <= 0 or fy <= 0 or matrix[0, 1] != 0 or matrix[1, 0] != 0 or (matrix[2] != (0, 0, 1)).any():
             raise LanelibError(

@@ -75,7 +75,8 @@ def verdict(frame: FrameScore) -> str:
         return "**claimed where none is**" if frame.claimed else "none, rightly"
     if not frame.claimed:
         return "**missed**"
-    worst = 100 * np.nanmax(np.abs(frame.lateral_m[:, :2]))
+    near = np.abs(frame.lateral_m[:, :2])
+    worst = 100 * np.max(near[np.isfinite(near)], initial=0)
     return "found" if worst < FAR_OFF_CM else "**off**"
 
 
@@ -85,7 +86,8 @@ def errors(frame: FrameScore) -> list[str]:
         return ["-"] * 4
     lateral = 100 * np.abs(frame.lateral_m)
     bend = abs(frame.curvature_1pm / frame.bend_1pm) if abs(frame.bend_1pm) > 1e-3 else math.nan
-    numbers = (np.nanmax(lateral[:, :2]), np.nanmax(lateral[:, 3]), 100 * abs(frame.offset_m))
+    near, far = (np.max(part[np.isfinite(part)], initial=-1) for part in (lateral[:, :2], lateral[:, 3]))
+    numbers = (near if near >= 0 else math.nan, far if far >= 0 else math.nan, 100 * abs(frame.offset_m))
     return [f"{n:.1f} cm" if np.isfinite(n) else "-" for n in numbers] + [f"{bend:.0%}" if np.isfinite(bend) else "-"]
 
 

@@ -1,7 +1,8 @@
 """What ipywidgets leaves out for the keyboard and for screen readers, added to an explorer once it is on the page.
 
 In command mode Notebook 7 takes the arrow keys for itself before a slider sees them; a control marked
-``data-lm-suppress-shortcuts`` keeps its keys (the mark must be on the very element that has the focus). Sliders have no name of their own, and pictures no text in their place.
+``data-lm-suppress-shortcuts`` keeps its keys (the mark must be on the very element that has the focus). Sliders have
+no name of their own, and pictures no text in their place.
 """
 
 from __future__ import annotations
