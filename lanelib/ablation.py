@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -69,7 +70,7 @@ class Variant:
 
     name: str
     idea: str
-    options: Mapping[str, object] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
     flat: bool = False
 
     def finder(self, rig: Rig, *, track: bool, smoothing: str = "kalman") -> LaneFinder:
@@ -203,7 +204,8 @@ def blurred(frame: np.ndarray) -> np.ndarray:
 
 def compressed(frame: np.ndarray) -> np.ndarray:
     """A cheap dash cam's stream: JPEG at quality 20."""
-    return cv2.imdecode(cv2.imencode(".jpg", frame, [cv2.IMWRITE_JPEG_QUALITY, 20])[1], cv2.IMREAD_COLOR)
+    coded = cv2.imencode(".jpg", frame, [cv2.IMWRITE_JPEG_QUALITY, 20])[1]
+    return np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR))
 
 
 CONDITIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {

@@ -127,6 +127,18 @@ def test_a_wider_believed_road_looks_wider_from_above():
     assert left_of_the_middle(high) / left_of_the_middle(low) == pytest.approx(1.5 / 1.2, rel=0.12)
 
 
+def test_rigs_that_are_wrong_in_one_thing():
+    camera = Camera(np.array([[800.0, 0, 330], [0, 790, 170], [0, 0, 1]]), np.zeros(5), (640, 360))
+    rig = Rig(camera, BirdsEye.from_mounting(camera, height_m=1.3, pitch_deg=2, yaw_deg=-1))
+    assert n08.mounted(rig, yaw_deg=3.0).mounting == pytest.approx(rig.mounting | {"yaw_deg": 3.0}, abs=1e-6)
+    longer = n08.with_focal_length(rig, 1.25)
+    road = np.array([[-1.8, 8.0], [1.9, 8.0], [-1.8, 22.0]])
+    believed = longer.birdseye.road_from_points(rig.birdseye.points_from_road(road))
+    assert believed[1, 0] - believed[0, 0] == pytest.approx(3.7, rel=0.01)
+    assert believed[2, 1] / believed[0, 1] == pytest.approx(22 / 8, rel=0.02)
+    assert believed[:, 1] == pytest.approx(1.25 * road[:, 1], rel=0.02)
+
+
 def test_a_command_shows_what_it_said(tmp_path):
     said = n08.command("lanelib calibrate nothing -o c.json", tmp_path)
     assert repr(said).startswith("$ lanelib calibrate nothing") and "lanelib: " in said.text

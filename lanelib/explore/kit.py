@@ -189,7 +189,7 @@ class Explorer(W.VBox):
         self._show(note or readings_html(self.look.readings))
 
     def _show(self, numbers: str) -> None:
-        self.picture.value = self.picture.value or self.look.jpeg()
+        self.picture.value = self.look.jpeg()
         self.picture.layout.max_width = f"{self.look.picture.shape[1]}px"
         code = f'<pre class="lx-code" tabindex="0" aria-label="code">{html.escape(self.look.code)}</pre>'
         self.numbers.value = numbers + (code if self.look.code else "")

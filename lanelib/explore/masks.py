@@ -61,7 +61,7 @@ def threshold_look(
     readings = [Reading("white pixels", 100 * float((shown != 0).mean()), "%", 2)]
     if truth is not None:
         for name, judged in (("of step", mask), ("of recipe", whole)):
-            recall, precision = truth.score(judged)
+            precision, recall = truth.score(judged)
             readings += [Reading(f"precision {name}", precision), Reading(f"recall {name}", recall)]
     readings.append(Reading("steps in recipe", len(recipe), digits=0))
     return Look(np.vstack([top, chart]), tuple(readings), recipe_code(steps))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -12,7 +13,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lanelib import draw
-from lanelib.birdseye import Grid
+from lanelib.autorig import rig_at, vanishing_point
+from lanelib.birdseye import BirdsEye, Grid
 from lanelib.errors import LanelibError
 from lanelib.figures.pictures import show
 from lanelib.finder import LaneFinder
@@ -79,6 +81,19 @@ def held_up(page: np.ndarray, size_wh: tuple[int, int], corners_px, *, blur_px: 
     if blur_px:
         picture = cv2.GaussianBlur(picture, (0, 0), blur_px)
     return cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
+
+
+def mounted(rig: Rig, **mounting: float) -> Rig:
+    """The rig's camera at another height_m, pitch_deg, yaw_deg or roll_deg; what is not named stays."""
+    return replace(rig, birdseye=BirdsEye.from_mounting(rig.camera, **{**rig.mounting, **mounting}))
+
+
+def with_focal_length(rig: Rig, factor: float) -> Rig:
+    """The rig as it comes out when the focal length is taken ``factor`` times too long: the vanishing point is seen
+    where it is, the lane has its width; only lengths along the road are wrong."""
+    matrix = np.diag([factor, factor, 1.0]) @ rig.camera.camera_matrix
+    matrix[:2, 2] = rig.camera.camera_matrix[:2, 2]
+    return rig_at(replace(rig.camera, camera_matrix=matrix), vanishing_point(rig), rig.mounting["height_m"], rig.name)
 
 
 def from_above(rig: Rig, frame_bgr: np.ndarray, *, size_wh: tuple[int, int] = (240, 420)) -> np.ndarray:

@@ -33,10 +33,12 @@ import numpy as np
 
 from lanelib import LaneFinder, Rig, ablation, datasets, draw, evaluate, exercises, explore, figures
 from lanelib.figures import n07
+from lanelib.pipeline import process_video
+from lanelib.threshold import recipe_by_name
+from lanelib.video import VideoWriter, read_frames
+from lanelib.windows import find_pixels, fit_lines
 
 # %%
-from lanelib import pipeline, threshold, video, windows
-
 rig = Rig.load(datasets.get("rendered").rig_file)
 frame, truth = notebook.road("test2.jpg")
 camera = rig.camera
@@ -50,18 +52,18 @@ camera = rig.camera
 
 # %%
 view = LaneFinder(rig).view((1280, 720))
-recipe = threshold.recipe_by_name(ablation.CLASSIC)
+recipe = recipe_by_name(ablation.CLASSIC)
 undistorted = cv2.undistort(frame, camera.camera_matrix, camera.distortion)
 mask = recipe.function(undistorted)
 from_above = view.metric.warp(mask)
-pixels = windows.find_pixels(from_above, view.metric.grid)
+pixels = find_pixels(from_above, view.metric.grid)
 lane = LaneFinder(rig, recipe=ablation.CLASSIC, track=False).process(frame).lane
 steps = {
     "undistort": lambda: cv2.undistort(frame, camera.camera_matrix, camera.distortion),
     "threshold": lambda: recipe.function(undistorted),
     "warp": lambda: view.metric.warp(mask),
-    "windows": lambda: windows.find_pixels(from_above, view.metric.grid),
-    "fit": lambda: windows.fit_lines(pixels, view.metric.grid),
+    "windows": lambda: find_pixels(from_above, view.metric.grid),
+    "fit": lambda: fit_lines(pixels, view.metric.grid),
     "draw": lambda: n07.warped_back_overlay(frame, view.metric, camera, lane),
 }
 
@@ -317,7 +319,7 @@ def frames_a_second(stage_ms):
 exercises.check_frame_rates(frames_a_second)
 
 # %% [markdown]
-# Now for real: the same three seconds of the clip, first in the simplest loop, then through `pipeline.process_video`, which
+# Now for real: the same three seconds of the clip, first in the simplest loop, then through `process_video`, which
 # decodes and encodes in processes of their own and hands on frames as YUV planes, the way the file stores them: no
 # conversion to BGR and back, half the bytes.
 
@@ -325,8 +327,8 @@ exercises.check_frame_rates(frames_a_second)
 def simple_loop(source, target, end_s=3.0):
     """Decode, find, draw, encode, one after the other, in BGR; returns the rows."""
     finder, rows = LaneFinder(clip.rig), []
-    with (video.read_frames(source, end_s=end_s) as frames,
-          video.VideoWriter(target, fps=clip.fps) as writer):
+    with (read_frames(source, end_s=end_s) as frames,
+          VideoWriter(target, fps=clip.fps) as writer):
         for picture in frames:
             found = finder.process(picture.frame_bgr)
             rows.append(found.to_row(f"{picture.index:06}"))
@@ -343,7 +345,7 @@ def pipelined(source, target, end_s=3.0):
         rows.append(found.to_row(f"{index:06}"))
         return draw.overlay_yuv420(planes, found)
 
-    pipeline.process_video(source, work, output=target, end_s=end_s, pixel_format="yuv420p")
+    process_video(source, work, output=target, end_s=end_s, pixel_format="yuv420p")
     return rows
 
 # %%

@@ -34,14 +34,15 @@ from pathlib import Path
 import numpy as np
 
 from lanelib import LaneFinder, Rig, datasets, draw, evaluate, exercises, explore, figures
+from lanelib.calibration import calibrate
+from lanelib.dashes import dash_period
+from lanelib.errors import LanelibError
 from lanelib.figures import n01, n08
-
-# %%
-from lanelib import BirdsEye, Camera, LanelibError, autorig, calibration, chessboard, dashes
 from lanelib.live import live
 from lanelib.pictures import read_image, write_image
 from lanelib.video import read_frames
 
+# %%
 shipped = datasets.get("rendered")
 
 # %% [markdown]
@@ -53,8 +54,7 @@ shipped = datasets.get("rendered")
 # %%
 own = Rig.load(shipped.rig_file)
 frame, truth = notebook.road("straight_lines1.jpg")
-van = {**own.mounting, "height_m": own.mounting["height_m"] + 0.2, "yaw_deg": 2.0}
-borrowed = Rig(own.camera, BirdsEye.from_mounting(own.camera, **van), "somebody else's")
+borrowed = n08.mounted(own, height_m=own.mounting["height_m"] + 0.2, yaw_deg=2.0)
 result = LaneFinder(borrowed, track=False).process(frame)
 
 # %% alt="A road with a lane drawn on it or the reason why there is none; the lane looks right, its width is not."
@@ -78,8 +78,7 @@ page = n08.board_page((9, 6), square_mm=25, paper="A4", dpi=300)
 workshop = tempfile.TemporaryDirectory()  # goes away with this notebook's kernel
 folder = Path(workshop.name)
 write_image(folder / "board.png", page)
-found = chessboard.find_board(page[::3, ::3]).corners_wh
-print(f"board.png: {page.shape[1]} x {page.shape[0]} dots; found on it: {found}")
+print(f"board.png: {page.shape[1]} x {page.shape[0]} dots")
 
 # %% alt="A page with a chessboard of 10 by 7 squares and a ruler of 100 mm below it."
 figures.show(page[::4, ::4], width=6)
@@ -131,7 +130,7 @@ said
 # Are the corners everywhere?
 
 # %% alt="All corners of the boards in one frame; they reach into all four corners of the picture."
-calibrated = calibration.calibrate(folder / "boards")
+calibrated = calibrate(folder / "boards")
 n01.coverage(calibrated.boards, calibrated.camera.size_wh)
 
 # %% [markdown]
@@ -155,7 +154,7 @@ tries = {
 # %%
 for what, (seen, options) in tries.items():
     try:
-        calibration.calibrate(seen, **options)
+        calibrate(seen, **options)
         print(f"{what}: accepted")
     except LanelibError as error:
         print(f"{what}:\n{textwrap.indent(textwrap.fill(str(error), 100), '    ')}")
@@ -210,16 +209,13 @@ print(str(said).replace("; ", ";\n    "))
 # are parallel, they are a lane apart, and its dashes have a period. Each error of a rig breaks another one of them.
 
 # %%
-c, m = own.camera, own.mounting
-matrix = c.camera_matrix.copy()
-matrix[[0, 1], [0, 1]] *= 1.2
-longer = Camera(matrix, c.distortion, c.size_wh)
+m = own.mounting
 wrong = {
     "right": own,
-    "height + 20 %": Rig(c, BirdsEye.from_mounting(c, **{**m, "height_m": 1.2 * m["height_m"]})),
-    "pitch + 1°": Rig(c, BirdsEye.from_mounting(c, **{**m, "pitch_deg": m["pitch_deg"] + 1})),
-    "yaw + 2°": Rig(c, BirdsEye.from_mounting(c, **{**m, "yaw_deg": m["yaw_deg"] + 2})),
-    "focal + 20 %": autorig.rig_at(longer, autorig.vanishing_point(own), m["height_m"]),
+    "height + 20 %": n08.mounted(own, height_m=1.2 * m["height_m"]),
+    "pitch + 1°": n08.mounted(own, pitch_deg=m["pitch_deg"] + 1),
+    "yaw + 2°": n08.mounted(own, yaw_deg=m["yaw_deg"] + 2),
+    "focal + 20 %": n08.with_focal_length(own, 1.2),
 }
 
 # %% alt="The same straight road from above with five rigs: right; wider; closing; leaning to the right; stretched."
@@ -232,7 +228,7 @@ for name, rig in wrong.items():
     seen = LaneFinder(rig, track=False).process(frame)
     width, pitch, heading = (f"{seen.width_m:.2f}", *(f"{np.rad2deg(seen.fit.mean[i]):+.1f}" for i in (5, 1))
                              ) if seen else ("-", "-", "-")
-    period = dashes.dash_period(rig, straight)
+    period = dash_period(rig, straight)
     found = f"{period.period_m:.1f} ± {period.std_m:.1f}" if period else "-"
     rows.append([name, width, pitch, heading, found])
 notebook.say(evaluate.table(rows))
@@ -320,7 +316,7 @@ notebook.say(f"{len(lanes)} frames, TuSimple **{pixels.tusimple:.3f}**, strict {
 rows = [["frame", "width, m", "offset, m", "nod found, °", "dashes, m"]]
 for name, picture in (("as filmed", frame), ("zoomed", n08.zoomed(frame, 0.8))):
     seen = LaneFinder(mine, track=False).process(picture)
-    period = dashes.dash_period(mine, [picture])
+    period = dash_period(mine, [picture])
     nod = f"{np.rad2deg(seen.fit.mean[5]):+.2f}" if seen else "-"
     numbers = [f"{seen.width_m:.2f}", f"{seen.offset_m:+.2f}", nod] if seen else ["-"] * 3
     rows.append([name, *numbers, f"{period.period_m:.1f}" if period else "-"])
