@@ -3,11 +3,11 @@
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from conftest import ROOT
 from roads import rig_of_scene
 
 from lanelib import autorig
@@ -256,7 +256,7 @@ def test_real_cameras_of_which_nothing_is_known(real_dir, starts):
 def test_shipped_rigs_fit_their_roads(real_dir, starts, name):
     """Each frame alone agrees with the shipped rig, made from a clip, within the nods of the car; the dashes are long
     enough."""
-    shipped = Rig.load(ROOT / "rigs" / f"{name}.json")
+    shipped = Rig.load(Path(__file__).parents[1] / "rigs" / f"{name}.json")
     rows, frames = labelled(real_dir, *starts)
     assert frames[0].shape[1::-1] == shipped.size_wh
     found = find_rig(frames, shipped.camera)
