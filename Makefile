@@ -85,7 +85,7 @@ bench: install-test  ## measure the speed of every stage (not a test)
 render:  ## render again the shipped pictures whose scene changed (for developers; hours)
 	$(PYTHON) -m venv .cache/render
 	.cache/render/bin/python -m pip install --quiet --disable-pip-version-check -r render/requirements.txt
-	.cache/render/bin/python -m render
+	.cache/render/bin/python -m render all
 
 clean:  ## remove what was made: outputs of the fetched sets, caches (keeps .venv and fetched data)
 	rm -rf output_images/udacity output_videos/udacity output_images/finding_lanes output_videos/finding_lanes

@@ -99,7 +99,7 @@ def test_boards_held_up_are_seen_and_flat_ones_refused():
     page = n08.board_page(dpi=150)
     flat = [n08.held_up(page, (640, 360), [(x, 40), (x + 330, 40), (x + 330, 273), (x, 273)]) for x in (20, 120, 280)]
     assert all(find_board(picture).corners_wh == (9, 6) for picture in flat)
-    with pytest.raises(LanelibError, match="tilted"):
+    with pytest.raises(LanelibError, match="tilted|no finite solution"):
         calibrate([(str(i), picture) for i, picture in enumerate(flat)])
 
 
