@@ -33,6 +33,7 @@ RATE_MEMORY = 0.8
 CLEAR_ROWS = 5.0  # with so many rows of paint on the weaker line the tracked lane is beyond doubt ...
 # ... unless it has less paint than this share of the last second's: it may have left the prediction behind
 FADING = 0.8
+CHECK_EVERY = 10  # without doubt, too, every tenth frame: a guard rail's foot has paint enough to be followed
 LOOK_AGAIN = 4  # in doubt, every fourth frame is searched afresh ...
 RIVAL_ENERGY = 3.0  # ... and another lane takes over when it is worth this much more, in two frames running
 LOOK_AT_WIDTH = 4  # whether a line is a double one is looked at in every fourth frame
@@ -81,7 +82,7 @@ class LaneTracker:
         self.fit: JointFit | None = None
         self.missed = 0
         self._history.clear()
-        self._doubts, self._usual_rows = 0, 0.0
+        self._doubts, self._unchecked, self._usual_rows = 0, 0, 0.0
         self._rival: np.ndarray | None = None
 
     @property
@@ -151,11 +152,17 @@ class LaneTracker:
         rows = float(fit.support.sum())
         fading = rows < FADING * self._usual_rows
         self._usual_rows += 0.1 * (rows - self._usual_rows)
+        self._unchecked += 1
         if not lost and not fading and fit.support.sum(axis=1).min() >= CLEAR_ROWS:
-            self._doubts, self._rival = 0, None
-            return False
-        self._doubts += 1
-        return self._doubts % LOOK_AGAIN == 1 or self._rival is not None
+            self._doubts = 0
+            look = self._unchecked >= CHECK_EVERY
+        else:
+            self._doubts += 1
+            look = self._doubts % LOOK_AGAIN == 1
+        look = look or self._rival is not None
+        if look:
+            self._unchecked = 0
+        return look
 
     def is_outdone(self, tracked: JointFit, fresh: JointFit | None, *, lost: bool) -> bool:
         """Whether a fresh search found another lane that explains the frame better, for the second time in
