@@ -13,7 +13,7 @@ USABLE := 'import sys, ensurepip, venv; sys.exit(sys.version_info < (3, 11))'
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11 python3.14 python; do \
 	$$p -c $(USABLE) >/dev/null 2>&1 && { echo $$p; break; }; done)
 
-.PHONY: notebooks all course data install install-test lab test lint format types test-oldest bench render clean distclean help
+.PHONY: notebooks all course data install install-test lab test lint format types test-oldest reliability longrun audit bench render clean distclean help
 
 all: course  ## everything: set up, fetch the Udacity set, run the pipeline on every set that is there
 
@@ -76,6 +76,19 @@ test-oldest:  ## the tests with the oldest supported versions (Python 3.11)
 .PHONY: test-pytest
 test-pytest: install-test
 	$(BIN)/python -m pytest -n $(JOBS)
+
+reliability: install-test  ## bad input, faults, signals: writes docs/RELIABILITY.md (40 minutes; MINUTES=5 for a taste)
+	$(BIN)/python tools/reliability.py $(if $(MINUTES),--minutes $(MINUTES))
+
+longrun: install-test  ## a clip of two hours: its section of docs/RELIABILITY.md (half an hour)
+	$(BIN)/python tools/reliability.py --long
+
+# --strict: a package about which the database says nothing, or cannot be asked, is no clean one.
+audit:  ## known vulnerabilities of the dependencies, by pip-audit (asks its advisory database on the network)
+	@$(PYTHON) -c $(USABLE)
+	$(PYTHON) -m venv .cache/audit
+	.cache/audit/bin/python -m pip install --quiet --disable-pip-version-check pip-audit
+	.cache/audit/bin/python -m pip_audit --strict --progress-spinner off -r requirements.txt
 
 bench: install-test  ## measure the speed of every stage (not a test)
 	@test -e benchmarks/run.py || { echo "make: there is no benchmarks/run.py in this checkout" >&2; exit 2; }

@@ -29,9 +29,11 @@ from measure import (
 )
 
 from lanelib import calibration, draw, jointfit, threshold, windows
+from lanelib.draw.overlays import _card as read_out
 from lanelib.evaluate import table
 from lanelib.finder import LaneFinder
 from lanelib.hypotheses import hypotheses
+from lanelib.lane import check_lane
 from lanelib.paint import evidence_of, paint_channels, paint_channels_yuv, paint_points
 from lanelib.pictures import read_image, write_bytes
 from lanelib.result import line_at_rows
@@ -76,9 +78,13 @@ def stage_costs(rig: Rig, stills: list[np.ndarray], rounds: int) -> tuple[dict[s
         prior = jointfit.Prior(fit.mean, fit.covariance + step)
         jointfit.fit(near, fit.mean, prior=prior, gates=jointfit.TRACK_GATES, reach_m=jointfit.SEARCH_REACH_M[-1:])
 
-    def lines(r):
-        view._last = None
-        view.lines_px(view.lane(r["result"].fit))
+    def metres(r):
+        view._last = None  # it would be kept
+        check_lane(view.lane(r["result"].fit))
+
+    def card(r):
+        read_out.cache_clear()  # in a video the numbers change with every frame
+        return draw.overlay_yuv420(r["canvas_yuv"], r["result"])
 
     own = {
         "scan, BGR frame": lambda r: view.scan(r["frame"]),
@@ -89,9 +95,11 @@ def stage_costs(rig: Rig, stills: list[np.ndarray], rounds: int) -> tuple[dict[s
         "hypotheses (fresh search)": lambda r: hypotheses(r["points"]),
         "fits (fresh search)": lambda r: [jointfit.fit(r["points"], start) for start in r["starts"]],
         "fit (tracking)": track,
-        "lines in metres and pixels": lines,
+        "lines in metres, checked": metres,
+        "lines in pixels (on demand)": lambda r: view.lines_px(r["result"].lane),
         "overlay, BGR": lambda r: draw.overlay_bgr(r["canvas"], r["result"]),
         "overlay, YUV planes": lambda r: draw.overlay_yuv420(r["canvas_yuv"], r["result"]),
+        "the same, new numbers in the read-out": card,
     }
     textbook = {
         "one cv2.undistort call": lambda r: cv2.undistort(r["frame"], rig.camera.camera_matrix, rig.camera.distortion),

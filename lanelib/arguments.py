@@ -271,6 +271,12 @@ def _rig_and_recipe(p: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="paint (default) or a classic recipe, in the textbook order: see lanelib.threshold.RECIPES",
     )
+    p.add_argument(
+        "--neighbours",
+        action="store_true",
+        help="also the lanes beside the ego lane, where their far boundary is painted and seen: drawn thin and purple, "
+        "in --json after the ego lane's two lines",
+    )
 
 
 def _view(p: argparse.ArgumentParser) -> None:

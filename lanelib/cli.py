@@ -12,7 +12,6 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from lanelib.arguments import build_parser
 from lanelib.errors import LanelibError
 
 OK, FAULT, BAD_INPUT, INTERRUPTED, TERMINATED, BROKEN_PIPE = 0, 1, 2, 130, 143, 141
@@ -20,11 +19,14 @@ OK, FAULT, BAD_INPUT, INTERRUPTED, TERMINATED, BROKEN_PIPE = 0, 1, 2, 130, 143, 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="backslashreplace")  # a file's name may hold what the terminal cannot show
-    old = _on_sigterm(_terminate)
+    old = None
     try:
+        old = _on_sigterm(_terminate)
+        for stream in (sys.stdout, sys.stderr):
+            if hasattr(stream, "reconfigure"):
+                stream.reconfigure(errors="backslashreplace")  # a file's name may hold what the terminal cannot show
+        from lanelib.arguments import build_parser  # here: from now on Ctrl-C is answered in one line
+
         args = build_parser().parse_args(argv)
         from lanelib import commands  # here: --help answers without OpenCV
 

@@ -126,7 +126,7 @@ def image(args: argparse.Namespace, console: Console) -> int:
                 frame = read_image(path)
                 rig = chooser.for_picture(path, frame)  # the chooser keeps every rig, so that no id comes twice
                 if id(rig) not in finders:
-                    finders[id(rig)] = LaneFinder(rig, recipe=args.recipe, track=False)
+                    finders[id(rig)] = LaneFinder(rig, recipe=args.recipe, track=False, neighbours=args.neighbours)
                 result = finders[id(rig)].process(frame)
                 write_row(result.to_row(raw_file))
                 out = free_name(picture_output(path, args.output, alone=len(args.pictures) == 1), taken)
@@ -230,6 +230,7 @@ def _one_video(
             out,
             rig,
             recipe=args.recipe,
+            neighbours=args.neighbours,
             view=args.view,
             start_s=args.start,
             end_s=args.end,
@@ -268,7 +269,7 @@ def live(args: argparse.Namespace, console: Console) -> int:
                 chosen = choice.rig
                 waiting.clear()
             rigs.check_fits(chosen, frame.shape[1::-1], args.source)
-            finder = LaneFinder(chosen, recipe=args.recipe)
+            finder = LaneFinder(chosen, recipe=args.recipe, neighbours=args.neighbours)
         return picture_of(args.view, frame, finder.process(frame), finder)
 
     summary = streaming.live(

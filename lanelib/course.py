@@ -1,8 +1,8 @@
 """The main job of `make`: every data set that is there, from chessboards to annotated videos.
 
 For each set, in this order: calibrate (`output_images/SET/calibration.json`, and pictures before and after
-undistortion), every picture with all stages, every video. What cannot be done is said, the rest goes on, and the end
-says what was missed.
+undistortion), every picture with all stages, every video, the write-up. Folders are named by notebook and step, as
+`02_mask` (see `writeup_figures`). What cannot be done is said, the rest goes on, and the end says what was missed.
 """
 
 from collections.abc import Iterable
@@ -10,18 +10,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
 from lanelib import calibration, datasets, rigs
-from lanelib.camera import Camera
 from lanelib.errors import LanelibError
-from lanelib.evaluate import evaluate, table
+from lanelib.evaluate import Evaluation, evaluate, table
 from lanelib.finder import LaneFinder, Rig
+from lanelib.labels import read_rows
 from lanelib.outputs import Console, json_lines, make_folder
-from lanelib.pictures import read_image, write_bytes, write_image
+from lanelib.pictures import read_image, write_bytes
 from lanelib.pipeline import progress_bar
-from lanelib.runs import TALLY_HEAD, Tally, run_video, write_pictures
+from lanelib.runs import TALLY_HEAD, Tally, run_video
+from lanelib.video import probe
 from lanelib.writeup import write_up
+from lanelib.writeup_figures import OVERLAY, write_before_after, write_boards, write_clip, write_errors, write_steps
 
 BEFORE_AFTER = 2  # boards, and road pictures, shown before and after undistortion
 FAULT, BAD_INPUT = 1, 2
@@ -37,6 +37,7 @@ class Report:
     failures: list[str] = field(default_factory=list)
     faults: int = 0
     calibrated: calibration.Calibration | None = None
+    scores: dict[str, Evaluation] = field(default_factory=dict)  # of pictures and clips with truth
 
     def markdown(self) -> str:
         """The summary of the set."""
@@ -89,11 +90,11 @@ def run_set(data_set: datasets.DataSet, *, videos: bool, preset: str, console: C
                 _pictures(data_set, rig, report, console)
         if videos and data_set.videos():
             with _goes_on(report, console):
-                make_folder(data_set.output_videos)
+                make_folder(data_set.output_videos / OVERLAY)
                 _videos(data_set, rig, preset, report, console)
     for name, text in (
         ("summary.md", report.markdown()),
-        ("WRITEUP.md", write_up(data_set, rig, report.calibrated)),
+        ("WRITEUP.md", write_up(data_set, rig, report.calibrated, report.scores)),
     ):
         write_bytes(data_set.output_images / name, text.encode())
         console.note(f"wrote {data_set.output_images / name}")
@@ -127,18 +128,9 @@ def _calibrate(data_set: datasets.DataSet, report: Report, console: Console) -> 
     )
     report.lines += [f"- {board!r}" for board in found.boards if not board.used]
     console.note(f"{report.lines[0]}; wrote {path}")
-    _before_after([*boards[:BEFORE_AFTER], *data_set.images()[:BEFORE_AFTER]], found.camera, data_set.output_images)
-
-
-def _before_after(paths: list[Path], camera: Camera, folder: Path) -> None:
-    """Pictures as given beside undistorted ones, where they have the camera's proportions."""
-    for path in paths:
-        frame = read_image(path)
-        try:
-            fitting = camera.scaled(frame.shape[1::-1])
-        except LanelibError:
-            continue
-        write_image(folder / f"{path.stem}_before_after.jpg", np.hstack([frame, fitting.undistort(frame)]))
+    folder = data_set.output_images
+    write_before_after([*boards[:BEFORE_AFTER], *data_set.images()[:BEFORE_AFTER]], found.camera, folder)
+    write_boards(boards, found, folder)
 
 
 def _rig_of(data_set: datasets.DataSet, report: Report, console: Console) -> Rig:
@@ -170,38 +162,42 @@ def _pictures(data_set: datasets.DataSet, rig: Rig, report: Report, console: Con
                 result = finder.process(frame)
                 tally.add(result)
                 write_row(result.to_row(path.name))
-                write_pictures(frame, result, finder, data_set.output_images / f"{path.stem}.jpg", with_stages=True)
+                write_steps(frame, result, finder, data_set.output_images, path.stem)
             bar(number, len(images))
     report.rows.append(tally.row())
     console.note(f"{data_set.name}: {tally.frames} pictures, {tally}; wrote {data_set.output_images}")
-    _score(data_set.test_images, rows, report)
+    _score("pictures", data_set.test_images, rows, report)
+    if "pictures" in report.scores:
+        write_errors(report.scores["pictures"].frames, data_set.output_images)
 
 
 def _videos(data_set: datasets.DataSet, rig: Rig, preset: str, report: Report, console: Console) -> None:
     """Each video on its own; they do not depend on each other."""
-    rows = []
+    rows, truth = [], data_set.video_truth()
     for path in data_set.videos():
         with _goes_on(report, console):
-            out = data_set.output_videos / f"{path.stem}.mp4"
-            rigs.check_fits(rig, rigs.probe(path).size_wh, path)
+            out = data_set.output_videos / OVERLAY / f"{path.stem}.mp4"
+            rigs.check_fits(rig, probe(path).size_wh, path)
             rows.append(out.with_suffix(".jsonl"))
             with json_lines(rows[-1]) as write_row, progress_bar(path.name, quiet=console.quiet) as bar:
                 summary, tally = run_video(path, out, rig, preset=preset, write_row=write_row, on_progress=bar)
             report.rows.append(tally.row())
             console.note(f"{summary}; {tally}")
+            write_clip(out, list(read_rows(rows[-1]).values()), truth, probe(path).fps, data_set.output_images)
             if summary.damage.truncated:
                 raise LanelibError(f"{path}: the file ends too early; what there is was done")
     _score_videos(data_set, rows, report)
 
 
-def _score(folder: Path, rows: Path, report: Report) -> None:
-    """Against the truth, where the pictures have it."""
+def _score(what: str, folder: Path, rows: Path, report: Report) -> None:
+    """Against the truth, where `folder` has it."""
     if (folder / "truth.json").is_file():
-        report.lines.append(f"Against {folder.name}'s truth ({rows.name}):\n\n{evaluate(folder, rows)}")
+        found = report.scores[what] = evaluate(folder, rows)
+        report.lines.append(f"Against the truth of the {what} ({rows.name}):\n\n{found}")
 
 
 def _score_videos(data_set: datasets.DataSet, rows: list[Path], report: Report) -> None:
     if (data_set.test_videos / "truth.json").is_file():
         together = data_set.output_videos / "lanes.jsonl"
         text = "".join(path.read_text(encoding="utf-8") for path in rows if path.is_file())
-        _score(data_set.test_videos, write_bytes(together, text.encode()), report)
+        _score("clips", data_set.test_videos, write_bytes(together, text.encode()), report)

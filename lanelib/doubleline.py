@@ -19,6 +19,7 @@ DOUBLE_FROM_M, DOUBLE_TO_M = 0.25, 0.55
 CLEAR = 0.2  # rows with at least this much paint on the line are looked at: of worn lines, too
 REACH_M, FAR_M, MOST_ROWS = 0.6, 25.0, 40  # beyond 25 m the gap is finer than the pixels
 OFFSETS_M = np.arange(-24, 25) * (REACH_M / 24)
+FLANKS = np.flatnonzero(np.abs(OFFSETS_M) > REACH_M - 0.15)  # the road on both sides
 GAP = 5  # samples, 12.5 cm: the dark gap between the two lines may fall below half height
 
 
@@ -34,16 +35,18 @@ def stripe_edges(picture: np.ndarray, x_m: np.ndarray, grid: Grid) -> tuple[floa
     index = low + np.arange(len(x_m))[:, None] * picture.shape[1]
     flat = picture.ravel()
     profile = (flat[index] * (1 - part) + flat[index + 1] * part).mean(axis=0)
-    profile -= np.median(profile[np.abs(OFFSETS_M) > REACH_M - 0.15])
+    profile -= np.median(profile[FLANKS])
     top = 16 + int(np.argmax(profile[16:33]))  # within 0.2 m of the line
     if profile[top] <= 1.0:  # grey levels: nothing there
         return 0.0, 0.0
-    above = np.flatnonzero(profile > profile[top] / 2)
-    breaks = np.flatnonzero(np.diff(above) > GAP)
-    run = np.searchsorted(above[breaks], top) if len(breaks) else 0
-    edges = np.split(above, breaks + 1)[run]
+    above = np.flatnonzero(profile > profile[top] / 2).tolist()
+    first = last = top  # of the bright samples around the top, across gaps
+    for i in reversed(above):
+        first = i if 0 < first - i <= GAP else first
+    for i in above:
+        last = i if 0 < i - last <= GAP else last
     half = (OFFSETS_M[1] - OFFSETS_M[0]) / 2
-    return float(OFFSETS_M[edges[0]] - half), float(OFFSETS_M[edges[-1]] + half)
+    return float(OFFSETS_M[first] - half), float(OFFSETS_M[last] + half)
 
 
 def inward(fit: JointFit, picture: np.ndarray, grid: Grid) -> tuple[float, float]:

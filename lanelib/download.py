@@ -11,6 +11,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
+from typing import BinaryIO
 
 import pooch
 
@@ -18,7 +19,8 @@ from lanelib.errors import LanelibError
 
 # Seconds without an answer or a byte before a server counts as out of reach.
 SILENCE_S = 20
-# The largest clip of the public set has 26 MB; a member that claims more is not unpacked.
+# The largest clip of the public set has 26 MB; a member that claims more is not unpacked, a file that has more is not
+# downloaded (a server may send for ever, and packed zeros unpack to a thousand times their size).
 MAX_MEMBER_BYTES = 64_000_000
 
 
@@ -53,8 +55,9 @@ def accept(part: Path, final: Path, sha256: str, *, what: str, source: str) -> i
 def download(url: str, part: Path, *, source: str, silence_s: float = SILENCE_S) -> None:
     """Download `url` to `part`; where `part` exists, go on from its end.
 
-    Raises LanelibError naming the address and the reason. After a break in the middle `part` holds what had
-    arrived; where the server answered with an error, or nothing arrived, there is no `part` afterwards.
+    Raises LanelibError naming the address and the reason, also for more than MAX_MEMBER_BYTES. After a break in the
+    middle `part` holds what had arrived; where the server answered with an error, or nothing arrived, there is no
+    `part` afterwards.
     """
     with _writing(part):
         start = part.stat().st_size if part.exists() else 0
@@ -62,7 +65,10 @@ def download(url: str, part: Path, *, source: str, silence_s: float = SILENCE_S)
         get = pooch.HTTPDownloader(chunk_size=1 << 16, timeout=silence_s, headers=headers)
         try:
             with open(part, "ab") as out:
-                get(url, out, None)
+                get(url, _Bounded(out), None)
+        except _TooLargeError:
+            part.unlink()
+            raise LanelibError(f"{source}: {url} is refused: it has more than {MAX_MEMBER_BYTES} bytes") from None
         except OSError as error:  # all errors of requests are OSErrors; only the system's own have a number
             if error.errno is not None:
                 raise
@@ -73,6 +79,25 @@ def download(url: str, part: Path, *, source: str, silence_s: float = SILENCE_S)
             if answer is not None:  # it has no such file, or cannot go on from `start`
                 why = f"the server answered {answer.status_code}"
             raise LanelibError(f"{source}: {url} could not be downloaded: {why}") from None
+
+
+class _TooLargeError(Exception):
+    """More came than any file of the set has."""
+
+
+class _Bounded:
+    """An open file, at its end, that takes MAX_MEMBER_BYTES at most."""
+
+    def __init__(self, file: BinaryIO):
+        self._file = file
+
+    def write(self, data: bytes) -> int:
+        if self._file.tell() + len(data) > MAX_MEMBER_BYTES:
+            raise _TooLargeError
+        return self._file.write(data)
+
+    def flush(self) -> None:
+        self._file.flush()
 
 
 def unpack(archive: Path, places: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:

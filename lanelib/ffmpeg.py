@@ -13,6 +13,7 @@ import subprocess
 import threading
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import lru_cache
 from pathlib import Path
 from typing import IO
 
@@ -81,8 +82,8 @@ def probe(path: str | Path, *, exact: bool = False) -> VideoInfo:
     measured. Raises LanelibError: missing, directory, empty, not a video, sound only, frames above MAX_MEGAPIXELS.
     """
     path = checked_file(path)
-    said = _run("-i", file_url(path))[1]
-    info = _parse(path, said)
+    about = path.stat()
+    info = _probed(path, about.st_ino, about.st_size, about.st_mtime_ns)
     if not exact:
         return info
     times = packet_times(path)
@@ -91,6 +92,12 @@ def probe(path: str | Path, *, exact: bool = False) -> VideoInfo:
     fps = (len(times) - 1) / (times[-1] - times[0]) if times[-1] > times[0] else info.fps
     fps = info.fps if abs(fps - info.fps) < 0.01 * info.fps else fps
     return replace(info, fps=fps, n_frames=len(times), n_frames_exact=True)
+
+
+@lru_cache(maxsize=64)
+def _probed(path: Path, *_version: int) -> VideoInfo:
+    """What the file says, asked once for each version of it: reader, writer and whoever calls them all want to know."""
+    return _parse(path, _run("-i", file_url(path))[1])
 
 
 def packet_times(path: Path, *, end_s: float | None = None) -> list[float]:
@@ -214,6 +221,9 @@ def _parse(path: Path, said: str) -> VideoInfo:
         raise LanelibError(f"{path}: needed a video with pictures, found only sound; choose another file")
     text = videos[0]
     size = re.search(r", (\d+)x(\d+)[, ]?", text + ",")
+    if size is None and (huge := re.search(r"Picture size (\d+x\d+) (?:is invalid|exceeds)", said)):
+        raise LanelibError(f"{path}: needed frames of at most {MAX_MEGAPIXELS} megapixels, found {huge[1]}; "
+                           "scale the video down first")
     if size is None or min(int(size[1]), int(size[2])) == 0:
         raise LanelibError(f"{path}: needed a video, found a video stream without a frame ({plain(text)[:60]}); "
                            "record or download it again")

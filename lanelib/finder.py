@@ -9,8 +9,10 @@ The first is the default. The second is what notebooks 01-04 walk through; the c
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
+from functools import cache, partial
 
 import cv2
 import numpy as np
@@ -22,6 +24,7 @@ from lanelib.errors import LanelibError
 from lanelib.hypotheses import hypotheses
 from lanelib.jointfit import JointFit, Points
 from lanelib.lane import Check, Lane, check_lane
+from lanelib.neighbours import MOST_LANES, find_neighbours
 from lanelib.paint import evidence_of, paint_channels, paint_channels_yuv, paint_points
 from lanelib.result import LaneResult, line_at_rows
 from lanelib.rig import SCAN_COLUMN_M, Rig, View
@@ -41,7 +44,8 @@ class LaneFinder:
     ``recipe``: "paint" (the project's own) or one of the classic recipes of ``threshold.RECIPES``. ``model``: "joint"
     (one lane) or "windows" (sliding windows, two lines apart; what the classic recipes use by default). ``order``:
     "finder" (warp first) or "textbook" (undistort, threshold, warp). ``track=False`` looks at each frame on its own.
-    ``smoothing``: see ``tracking``. Raises LanelibError for an unknown name.
+    ``smoothing``: see ``tracking``. ``neighbours``: how many lanes to look for on each side of the ego lane, 0-2; they
+    cost a few milliseconds a frame and do not change the ego lane. Raises LanelibError for an unknown name.
     """
 
     def __init__(
@@ -53,8 +57,9 @@ class LaneFinder:
         order: str | None = None,
         track: bool = True,
         smoothing: str = "kalman",
+        neighbours: int = 0,
     ):
-        self.rig, self.track = rig, track
+        self.rig, self.track, self.neighbours = rig, track, int(neighbours)
         self.recipe = threshold.recipe_by_name(recipe)
         own = recipe == threshold.DEFAULT_RECIPE
         self.model = model or ("joint" if own else "windows")
@@ -65,6 +70,8 @@ class LaneFinder:
             raise LanelibError(
                 f"order {self.order!r} does not go with recipe {recipe!r}, model {self.model!r}; use order='textbook'"
             )
+        if not 0 <= self.neighbours <= MOST_LANES:
+            raise LanelibError(f"neighbours must be 0 to {MOST_LANES} lanes on each side, found {neighbours}")
         self.tracker = LaneTracker(smoothing=smoothing)
         self._views: dict[tuple[int, int], View] = {}
 
@@ -117,8 +124,11 @@ class LaneFinder:
 
     def _outcome(self, frame: np.ndarray, view: View, begin: float) -> LaneResult:
         fit, reason, checks = (self._measure_joint if self.model == "joint" else self._measure_windows)(frame, view)
-        result = self._result(fit, reason, checks, view)
-        return replace(result, milliseconds=(time.perf_counter() - begin) * 1e3)
+        result = self._result(fit, reason, checks, view, begin)
+        if self.neighbours and result.fit is not None and result.status == "measured":
+            neighbours = find_neighbours(frame, view, result.fit, lanes=self.neighbours)
+            result = replace(result, neighbours=neighbours, milliseconds=milliseconds_since(begin))
+        return result
 
     def stages(self, frame_bgr: np.ndarray) -> dict[str, np.ndarray]:
         """Every intermediate picture by name; see ``stages.stages``. Does not change the tracker."""
@@ -159,7 +169,7 @@ class LaneFinder:
         """The best lane anywhere, as before the first frame."""
         prior = self.tracker.background
         fits = [jointfit.fit(points, start, prior=prior) for start in hypotheses(points, prior=prior)]
-        best = max(fits, key=lambda f: f.energy, default=None)
+        best = max((f for f in fits if jointfit.holds_car(f.mean)), key=lambda f: f.energy, default=None)
         return self._judge(best and replace(best, inward_m=inward(best, picture, view.grid)), view)
 
     def _track(self, points: Points, picture: np.ndarray, view: View):
@@ -185,7 +195,7 @@ class LaneFinder:
         """The fit, or None and the reason why it is no lane; the sanity checks."""
         if fit is None:
             return None, "no paint that could be a pair of lane lines", ()
-        rows = fit.support.sum()
+        rows = sum(fit.rows)
         if rows < MINIMUM_ROWS or fit.energy < MINIMUM_ENERGY:
             return (
                 None,
@@ -216,22 +226,31 @@ class LaneFinder:
         return windows.joint_state(left, right, pixels, view.metric.grid, view.height_m, view.grid.y_m), "", checks
 
     # ------------------------------------------------------------------ the outcome
-    def _result(self, fit: JointFit | None, reason: str, checks: tuple[Check, ...], view: View) -> LaneResult:
+    def _result(
+        self, fit: JointFit | None, reason: str, checks: tuple[Check, ...], view: View, begin: float
+    ) -> LaneResult:
         status, trust = ("measured" if fit is not None else "none"), 1.0
         if self.track:
             status = self.tracker.update(fit, reason).status
             fit, trust = self.tracker.fit, 1 - self.tracker.missed / (self.tracker.hold_frames + 1)
         if fit is None:
-            return LaneResult(None, "none", reason, 0.0, checks, size_wh=view.rig.size_wh)
+            spent = milliseconds_since(begin)
+            return LaneResult(None, "none", reason, 0.0, checks, size_wh=view.rig.size_wh, milliseconds=spent)
         lane = view.lane(fit)
-        left, right = view.lines_px(lane)
-        return LaneResult(
-            lane, status, reason, confidence_of(fit) * trust, checks, left, right, view.rig.size_wh, 0.0, fit
-        )
+        lines_px = cache(partial(view.lines_px, lane))  # in metres it is known now; in pixels when someone asks
+        left, right = (lambda: lines_px()[0]), (lambda: lines_px()[1])
+        confidence = confidence_of(fit) * trust
+        spent = milliseconds_since(begin)
+        return LaneResult(lane, status, reason, confidence, checks, left, right, view.rig.size_wh, spent, fit)
+
+
+def milliseconds_since(begin: float) -> float:
+    """Wall time since ``begin``, as ``time.perf_counter`` gave it."""
+    return (time.perf_counter() - begin) * 1e3
 
 
 def confidence_of(fit: JointFit) -> float:
     """0..1 from how many rows of paint each line has: 1 - exp(-rows / 10), the stronger line counting double
     (it carries the weaker one), times how sharply the points agree."""
-    weak, strong = sorted(1 - np.exp(-fit.support.sum(axis=1) / 10))
-    return float((2 * strong + weak) / 3 * np.exp(-((fit.rms_px / 6) ** 2)))
+    weak, strong = sorted(1 - math.exp(-rows / 10) for rows in fit.rows)
+    return (2 * strong + weak) / 3 * math.exp(-((fit.rms_px / 6) ** 2))

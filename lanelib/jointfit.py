@@ -25,7 +25,8 @@ sec. 10.5).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -41,6 +42,11 @@ class Prior:
 
     mean: np.ndarray
     covariance: np.ndarray
+
+    @cached_property
+    def information(self) -> np.ndarray:
+        """The inverse of the covariance."""
+        return np.linalg.inv(self.covariance)
 
 
 # A road of which nothing is known. Spread: half a lane of offset; 3.4 degrees of heading; R > 80 m; clothoids
@@ -75,6 +81,12 @@ class Points:
     def __len__(self):
         return len(self.row)
 
+    @cached_property
+    def std(self) -> np.ndarray:
+        """Standard deviation of each point's bearing: pixels of the frame and ragged paint."""
+        metres = (LOCATION_STD_M * self.focal_px) * self.inverse
+        return np.sqrt(LOCATION_STD_PX**2 + metres * metres) / self.focal_px
+
 
 @dataclass(frozen=True, eq=False)
 class JointFit:
@@ -90,65 +102,94 @@ class JointFit:
     # a double line is fitted as one stripe: its inner line lies this much further in
     inward_m: tuple[float, float] = (0.0, 0.0)
 
+    @cached_property
+    def rows(self) -> tuple[float, float]:
+        """Rows of paint on the left and on the right line: the support added up."""
+        left, right = self.support.sum(axis=1).tolist()
+        return left, right
+
     def lane(self, near_m: float, y0_of_row: np.ndarray) -> Lane:
         """The estimate as two lines in metres, seen from ``near_m`` to the farthest row with paint."""
         surface = Surface(self.height_m, float(self.mean[PITCH]), float(self.mean[HILL]))
         mean = self.mean.copy()
         mean[CENTRE] += (self.inward_m[0] - self.inward_m[1]) / 2
         mean[WIDTH] -= sum(self.inward_m)
-        reach = [farthest_paint(s, y0_of_row, self.mean, self.height_m, near_m) for s in self.support]
+        reach = farthest_paint(self.support, y0_of_row, self.mean, self.height_m, near_m)
         length = max(*reach, 10.0)
-        scale = length ** -np.arange(3.0, -0.5, -1)
-        lines = []
-        for i, side in enumerate((-1, 1)):
-            coefficients = (CUBIC_OF_SAMPLES @ line_x(length * SAMPLES, mean, side)) * scale
-            # the line's own first-order error: x = centre + heading y + bend y^2 + rate y^3 + side width / 2
-            take = np.zeros((4, 7))
-            take[[3, 2, 1, 0], [CENTRE, HEADING, BEND, RATE]] = 1
-            take[3, WIDTH] = side / 2
-            covariance = take @ self.covariance @ take.T
-            lines.append(Line(coefficients, (near_m, reach[i]), covariance, float(self.support[i].sum())))
-        std = np.sqrt(np.diag(self.covariance)).tolist()
+        cubics = line_x(length * SAMPLES, mean, SIDES) @ CUBIC_OF_SAMPLES.T * length ** -np.arange(3.0, -0.5, -1)
+        covariances = FIRST_ORDER @ self.covariance @ FIRST_ORDER.transpose(0, 2, 1)
+        left, right = map(Line, cubics, ((near_m, far) for far in reach), covariances, self.rows)
+        std = np.sqrt(self.covariance.diagonal()).tolist()
         names = {"offset_m": CENTRE, "heading_rad": HEADING, "width_m": WIDTH, "pitch_rad": PITCH}
         spread = {name: std[i] for name, i in names.items()} | {"curvature_1pm": 2 * std[BEND]}
-        return Lane(lines[0], lines[1], surface, spread)
+        return Lane(left, right, surface, spread)
 
 
 SAMPLES = np.linspace(0, 1, 24)  # where a parallel curve is sampled to be written as a cubic ...
 CUBIC_OF_SAMPLES = np.linalg.pinv(np.vander(SAMPLES, 4))  # ... by least squares
+SIDES = np.array([[-1.0], [1.0]])  # left and right, below each other
+# What the coefficients of the two lines are in first order, (2, 4, 7): rate, bend, heading, centre + side width / 2
+FIRST_ORDER = np.zeros((2, 4, 7))
+FIRST_ORDER[:, [0, 1, 2, 3], [RATE, BEND, HEADING, CENTRE]] = 1
+FIRST_ORDER[:, 3, WIDTH] = SIDES[:, 0] / 2
 
 
-def farthest_paint(support, y0_of_row, mean, height_m, near_m) -> float:
-    """Distance of the farthest row with clear paint on a line (two rows together: a speck does not count)."""
-    solid = np.flatnonzero((support[:-1] > 0.25) & (support[1:] > 0.25))
-    return max(near_m, float(distance(1 / y0_of_row[solid[0]], mean, height_m))) if len(solid) else near_m
+def farthest_paint(support, y0_of_row, mean, height_m, near_m) -> list[float]:
+    """Distance of the farthest row with clear paint on either line (two rows together: a speck does not count)."""
+    clear = support > 0.25
+    solid = clear[:, :-1] & clear[:, 1:]
+    y = distance(1 / y0_of_row[solid.argmax(axis=1)], mean, height_m)
+    return np.where(solid.any(axis=1), np.maximum(y, near_m), near_m).tolist()
 
 
 def line_x(y, mean, side):
     """x of the left (``side`` -1) or right (+1) line at distance ``y`` (metres)."""
-    slope = mean[HEADING] + y * (2 * mean[BEND] + 3 * y * mean[RATE])
-    centre = mean[CENTRE] + y * (mean[HEADING] + y * (mean[BEND] + y * mean[RATE]))
-    return centre + side * mean[WIDTH] / 2 * np.sqrt(1 + slope * slope)
+    centre, heading, bend, rate, width = mean[: WIDTH + 1]
+    slope = heading + y * (2 * bend + 3 * rate * y)
+    return centre + y * (heading + y * (bend + rate * y)) + side * (width / 2) * np.sqrt(1 + slope * slope)
+
+
+def inverse_distance(inverse, mean, height_m):
+    """1 / y of a point that appears at 1 / ``inverse`` on the rig's flat plane; y is the real distance.
+
+    The inverse of ``Surface.flat_from_road``: 1 / y - hill y / (2 height) = q, with q = inverse + pitch / height, is
+    a quadratic equation in y; of its two roots the nearer, 1 / y = (q + sqrt(q^2 + 2 hill / height)) / 2.
+    """
+    q = inverse + mean[PITCH] / height_m
+    return np.maximum(0.5 * (q + np.sqrt(np.maximum(q * q + 2 * mean[HILL] / height_m, 0.0))), 0.003)
 
 
 def distance(inverse, mean, height_m):
-    """Real distance y of a point that appears at 1 / ``inverse`` on the rig's flat plane.
-
-    The inverse of ``Surface.flat_from_road``: 1 / y - hill y / (2 height) = q, with q = inverse + pitch / height, is
-    a quadratic equation in y; of its two roots the nearer, y = 2 / (q + sqrt(q^2 + 2 hill / height)).
-    """
-    q = inverse + mean[PITCH] / height_m
-    return 2 / np.maximum(q + np.sqrt(np.maximum(q * q + 2 * mean[HILL] / height_m, 0)), 0.006)
+    """Real distance y of a point that appears at 1 / ``inverse`` on the rig's flat plane."""
+    return 1 / inverse_distance(inverse, mean, height_m)
 
 
 def bearing_std(points: Points) -> np.ndarray:
     """Standard deviation of each point's bearing: pixels of the frame and ragged paint."""
-    return np.sqrt(LOCATION_STD_PX**2 + (LOCATION_STD_M * points.focal_px * points.inverse) ** 2) / points.focal_px
+    return points.std
+
+
+def landmarks(means) -> np.ndarray:
+    """By which lanes (..., 7) are told apart: x of left and right line at 6 m and at 20 m, (..., 4)."""
+    return line_x(np.array([6.0, 6.0, 20.0, 20.0]), np.moveaxis(means, -1, 0)[..., None], np.array([-1, 1, -1, 1]))
 
 
 def differ(a, b) -> bool:
     """Two lanes are different when one of their lines differs by 0.4 m at 6 m or by 1 m at 20 m."""
-    return any(abs(line_x(y, a, s) - line_x(y, b, s)) > far for s in (-1, 1) for y, far in ((6.0, 0.4), (20.0, 1.0)))
+    return apart(landmarks(a), landmarks(b))
+
+
+def apart(a, b) -> bool:
+    """``differ`` of two lanes' landmarks (4,)."""
+    return bool((np.abs(a - b) > (0.4, 0.4, 1.0, 1.0)).any())
+
+
+BESIDE_M = 0.25  # so far beyond a line the car's centre may be before another lane is its own: no flicker on a line
+
+
+def holds_car(mean) -> bool:
+    """Whether the car is in this lane, or astride one of its lines."""
+    return bool(abs(mean[CENTRE]) <= mean[WIDTH] / 2 + BESIDE_M)
 
 
 SEARCH_GATES = (27, 16, 10, 7, 5, 4, 4)  # widths of the biweight in standard deviations, step by step
@@ -161,32 +202,33 @@ def fit(
 ) -> JointFit:
     """Robust Gauss-Newton from ``start`` (7,) under ``prior``; always returns an estimate, ``energy`` says what it
     is worth."""
-    information = np.linalg.inv(prior.covariance)
+    information = prior.information.copy()
     rate_variance = prior.covariance[RATE, RATE]
     rate_information = information[RATE, RATE] - 1 / rate_variance
     mean = np.array(start, float)
-    q0, height = points.inverse, points.height_m
-    sigma = bearing_std(points)
-    weight, scale = points.weight / NEIGHBOURS, 1 / sigma
+    scale, weight = 1 / points.std, points.weight / NEIGHBOURS
     jacobian = np.empty((7, len(points)))
     normal = information
     for step, gate in enumerate(gates):
         information[RATE, RATE] = rate_information + 1 / min(rate_variance, rate_std(mean) ** 2)
-        y, slope, middle, half = seen_lane(points, mean)
+        if step < len(reach_m):
+            reached = weight * (points.inverse > 1 / reach_m[step])
+        powers, middle, slope, twice_bend = seen_lane(points, mean)
+        stretch = 1 + slope * slope
+        root = np.sqrt(stretch)
         off = points.bearing - middle
-        side = np.where(off > 0, 1.0, -1.0)  # each point belongs to the nearer line
-        z = (off - side * half) * scale
-        w = weight * np.square(np.maximum(1 - np.square(z / gate), 0))
-        w *= (q0 > 1 / reach_m[min(step, len(reach_m) - 1)]) & (np.abs(slope) < 1)
-        # du/dparameter, with x = centre line + lean: (7, N)
-        lean = side * (mean[WIDTH] / 2) * slope / np.sqrt(1 + slope * slope)
-        jacobian[CENTRE] = 1 / y
-        jacobian[HEADING] = 1 + lean / y
-        jacobian[BEND] = y + 2 * lean
-        jacobian[RATE] = (y + 3 * lean) * y
-        jacobian[WIDTH] = side * half / mean[WIDTH]
-        x_slope = slope + lean * (2 * mean[BEND] + 6 * y * mean[RATE])
-        jacobian[PITCH] = (middle + side * half - x_slope) * y / height  # du/dy dy/dpitch, dy/dpitch = -y^2 / height
+        half_m = np.copysign(mean[WIDTH] / 2, off)  # each point belongs to the nearer line: half the width, signed
+        half = half_m * root * powers[0]
+        z = (off - half) * scale
+        w = np.maximum(1 - np.square(z / gate), 0.0)
+        w *= w * reached * (stretch < 2)
+        # du/dparameter, with x = centre line + lean
+        lean = half_m * slope / root
+        jacobian[:4] = powers
+        jacobian[1:4] += lean * (ORDER * powers[:3])
+        jacobian[WIDTH] = half / mean[WIDTH]
+        y, x_slope = powers[2], slope + lean * twice_bend
+        jacobian[PITCH] = (middle + half - x_slope) * y / points.height_m  # du/dy dy/dpitch, dy/dpitch = -y^2 / height
         jacobian[HILL] = jacobian[PITCH] * y / 2
         jacobian *= scale
         weighted = jacobian * w
@@ -195,16 +237,29 @@ def fit(
         mean[RATE] = min(max(mean[RATE], -2e-4), 2e-4)
         mean[WIDTH] = min(max(mean[WIDTH], 2.0), 6.0)
     support, rms = supported_rows(points, mean)
-    return JointFit(mean, np.linalg.inv(normal), support, energy_of(mean, support, prior), height, rms)
+    return JointFit(mean, np.linalg.inv(normal), support, energy_of(mean, support, prior), points.height_m, rms)
+
+
+ORDER = np.array([[1.0], [2.0], [3.0]])  # y^n is n y^(n - 1) steep
 
 
 def seen_lane(points: Points, mean: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """At the distance of each point, (N,) each: y in m, slope of the centre line, bearing of the centre line and half
-    the bearing between the two lines."""
-    y = distance(points.inverse, mean, points.height_m)
-    slope = mean[HEADING] + y * (2 * mean[BEND] + 3 * y * mean[RATE])
-    middle = mean[CENTRE] / y + mean[HEADING] + y * (mean[BEND] + y * mean[RATE])
-    return y, slope, middle, (mean[WIDTH] / 2) * np.sqrt(1 + slope * slope) / y
+    """At the distance y of each point: the powers (4, N) 1 / y, 1, y, y^2; of the centre line, (N,) each, its bearing,
+    its slope, and its second derivative."""
+    powers = np.ones((4, len(points)))
+    powers[0] = inverse_distance(points.inverse, mean, points.height_m)
+    np.divide(1, powers[0], out=powers[2])
+    np.multiply(powers[2], powers[2], out=powers[3])
+    centre, heading, bend, rate = mean[: RATE + 1].tolist()
+    line = [[centre, heading, bend, rate], [0, heading, 2 * bend, 3 * rate], [0, 2 * bend, 6 * rate, 0]]
+    return powers, *(np.array(line) @ powers)
+
+
+def outward(points: Points, mean: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far each point lies from the lane's centre line, and outside of the nearer line, as bearings (N,)."""
+    powers, middle, slope, _ = seen_lane(points, mean)
+    off = points.bearing - middle
+    return off, np.abs(off) - (mean[WIDTH] / 2) * np.sqrt(1 + slope * slope) * powers[0]
 
 
 def rate_std(mean: np.ndarray) -> float:
@@ -221,10 +276,9 @@ def rate_std(mean: np.ndarray) -> float:
 
 def nearby(points: Points, mean: np.ndarray, *, gate: float) -> Points:
     """The points within ``gate`` standard deviations of either line of ``mean``: all that tracking needs."""
-    _, _, middle, half = seen_lane(points, mean)
-    near = np.flatnonzero(np.abs(np.abs(points.bearing - middle) - half) < gate * bearing_std(points))
+    near = np.flatnonzero(np.abs(outward(points, mean)[1]) < gate * points.std)
     chosen = (array[near] for array in (points.bearing, points.inverse, points.row, points.weight))
-    return replace(points, **dict(zip(("bearing", "inverse", "row", "weight"), chosen, strict=True)))
+    return Points(*chosen, points.focal_px, points.height_m, points.n_rows)
 
 
 def paint_value(rows):
@@ -239,17 +293,15 @@ def energy_of(mean: np.ndarray, support: np.ndarray, prior: Prior) -> float:
     Counted line by line, so that a lane with some paint on both lines beats one with all of it on one.
     """
     difference = mean - prior.mean
-    objection = 0.5 * difference @ np.linalg.solve(prior.covariance, difference)
+    objection = 0.5 * difference @ prior.information @ difference
     return float(paint_value(support.sum(axis=1)).sum() - objection)
 
 
 def supported_rows(points: Points, mean: np.ndarray, *, gate: float = 3.0) -> tuple[np.ndarray, float]:
     """Per line and grid row the weight of the best paint point within ``gate`` standard deviations (2, n_rows);
     weighted rms in px."""
-    _, _, middle, half = seen_lane(points, mean)
-    off = points.bearing - middle
-    error = np.abs(off) - half  # outward
-    z = np.square(error / (gate * bearing_std(points)))
+    off, error = outward(points, mean)
+    z = np.square(error / (gate * points.std))
     on = np.flatnonzero(z < 1)
     weight = points.weight[on]
     support = np.zeros(2 * points.n_rows)

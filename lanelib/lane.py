@@ -27,8 +27,9 @@ def radius_of(curvature_1pm: float) -> float:
 
 def horner(coefficients, y_m):
     """The polynomial with these coefficients, highest power first, at ``y_m`` (scalar or array)."""
-    value = 0.0 if np.ndim(y_m) == 0 else np.zeros(np.shape(y_m))
-    y = y_m if isinstance(y_m, (float, int)) else np.asarray(y_m, float)
+    scalar = isinstance(y_m, (float, int))  # plain numbers are several times quicker than arrays of one
+    y = y_m if scalar else np.asarray(y_m, float)
+    value = 0.0 if scalar else np.zeros(y.shape)
     for c in coefficients:
         value = value * y + c
     return value
@@ -260,7 +261,7 @@ class Limits:
     # narrow town lanes 2.7 m; motorway 3.7 m; ramps to 4.5 m (AASHTO Green Book)
     width_m: tuple[float, float] = (2.6, 4.6)
     width_change_m: float = 0.6  # between the car and 20 m ahead; more means that one line is another thing
-    curvature_difference_1pm: float = 0.004  # between the two lines at the car
+    curvature_difference_1pm: float = 0.004  # between what the two lines say of the lane's centre at the car
     radius_m: float = 15.0  # the tightest hairpin a car drives
     jump_m: float = 0.5  # of either line at the car between frames; 1.5 m/s sideways at 25 frames a second is 0.06 m
 
@@ -285,7 +286,12 @@ def check_lane(lane: Lane, previous: Lane | None = None, *, limits: Limits = Lim
     gap = min(lane.right.x(y) - lane.left.x(y) for y in places)
     widths = [lane.width_m(y) for y in places]
     width, change = widths[0], max(widths) - min(widths)
-    bends = abs(lane.left.curvature_1pm() - lane.right.curvature_1pm())
+    # parallel curves: the inner line of a bend is the sharper one, R -+ width / 2, so both are compared at the centre
+    at_centre = [
+        line.curvature_1pm() / max(1 - side * line.curvature_1pm() * width / 2, 0.2)
+        for line, side in ((lane.left, -1), (lane.right, 1))
+    ]
+    bends = abs(at_centre[0] - at_centre[1])
     tightest = 1 / max(abs(lane.curvature_1pm), 1e-9)
     low, high = limits.width_m
     checks = [
@@ -300,7 +306,7 @@ def check_lane(lane: Lane, previous: Lane | None = None, *, limits: Limits = Lim
         Check(
             "same bend",
             bends,
-            f"curvatures differ by at most {limits.curvature_difference_1pm} 1/m",
+            f"both lines give the centre the same curvature within {limits.curvature_difference_1pm} 1/m",
             bends <= limits.curvature_difference_1pm,
         ),
         Check("radius", tightest, f"at least {limits.radius_m} m", tightest >= limits.radius_m),

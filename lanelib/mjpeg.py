@@ -6,9 +6,11 @@ Motion JPEG over HTTP is an answer that never ends: one JPEG after the other, ea
 another host is asked for.
 """
 
+import contextlib
 import ipaddress
 import socket
 import threading
+import time
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
@@ -27,6 +29,10 @@ PAGE = b"""<!DOCTYPE html>
 MAX_VIEWERS = 8
 # A viewer that takes no data for this long is dropped, and closing waits for no one longer.
 CLIENT_TIMEOUT_S = 5.0
+# A request must be there, whole, this long after the connection: one byte now and then would hold a thread for ever.
+REQUEST_TIMEOUT_S = 5.0
+# More connections than this are closed unread; viewers, and as many again that only ask for the page.
+MAX_CONNECTIONS = 2 * MAX_VIEWERS
 
 
 class MjpegServer:
@@ -104,6 +110,9 @@ class _Server(ThreadingHTTPServer):
 
     def __init__(self, address: tuple[str, int], owner: MjpegServer):
         self.owner = owner
+        self._unread: dict[socket.socket, float] = {}  # connections whose request is not there yet, and since when
+        self._open: set[socket.socket] = set()
+        self._lock = threading.Lock()
         self.address_family = socket.AF_INET6 if ":" in address[0] else socket.AF_INET
         super().__init__(address, _Handler)
 
@@ -112,6 +121,35 @@ class _Server(ThreadingHTTPServer):
         socket.socket.bind(self.socket, self.server_address)
         self.server_address = self.socket.getsockname()
         self.server_name, self.server_port = self.server_address[:2]
+
+    def verify_request(self, request: socket.socket, client_address: object) -> bool:
+        """Whether there is room for another connection."""
+        with self._lock:
+            if len(self._open) >= MAX_CONNECTIONS:
+                return False
+            self._open.add(request)
+            self._unread[request] = time.monotonic()
+            return True
+
+    def request_is_read(self, request: socket.socket) -> None:
+        """From now on only the handler's own time limit counts."""
+        with self._lock:
+            self._unread.pop(request, None)
+
+    def shutdown_request(self, request: socket.socket) -> None:
+        """The end of every connection."""
+        with self._lock:
+            self._open.discard(request)
+            self._unread.pop(request, None)
+        super().shutdown_request(request)
+
+    def service_actions(self) -> None:
+        """Ten times a second: end the connections whose request does not come."""
+        with self._lock:
+            late = [r for r, since_s in self._unread.items() if time.monotonic() - since_s > REQUEST_TIMEOUT_S]
+        for request in late:
+            with contextlib.suppress(OSError):
+                request.shutdown(socket.SHUT_RDWR)  # its handler reads the end of the stream
 
     def handle_error(self, request: object, client_address: object) -> None:
         """A viewer that goes away in the middle is no news."""
@@ -134,6 +172,12 @@ class _Handler(BaseHTTPRequestHandler):
             self._stream(self.server.owner)
         else:
             self.send_error(HTTPStatus.NOT_FOUND)
+
+    def parse_request(self) -> bool:
+        """As always, and noted."""
+        good = super().parse_request()
+        self.server.request_is_read(self.connection)
+        return good
 
     def log_message(self, *_: object) -> None:
         """Nothing is printed."""

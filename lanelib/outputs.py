@@ -10,6 +10,7 @@ from typing import IO
 
 from lanelib import datasets, rigs
 from lanelib.errors import LanelibError
+from lanelib.parts import part_of, remove_abandoned
 
 OUTPUT = "lanelib_output"  # folder of results of pictures that are of no data set, without -o
 
@@ -60,7 +61,8 @@ def json_lines(path: Path | None, *, sources: Iterable[Path] = ()):
     special = path.exists() and not path.is_file() and not path.is_dir()  # /dev/null, a named pipe: nothing to rename
     if not special:
         check_place(path, sources=sources)
-    part = path if special else path.with_name(f".{path.name[:200]}.{os.getpid()}.part")
+        remove_abandoned(path)
+    part = path if special else part_of(path)
     with _says_where(path):
         file = part.open("w", encoding="utf-8")
 

@@ -117,16 +117,12 @@ def weight_of(z: np.ndarray) -> np.ndarray:
 
 def paint_points(z: np.ndarray) -> PaintPoints:
     """Crests of the response (H, W): local maxima along each row, located by the parabola through three pixels."""
-    if one_channel(z).shape[1] < 3:  # a crest has a neighbour on both sides
-        return PaintPoints(np.empty(0, int), np.empty(0), np.empty(0, np.float32))
-    crest = cv2.compare(z, cv2.dilate(z, np.ones((1, 3), np.uint8)), cv2.CMP_GE)
-    crest &= cv2.compare(z, WEAK_Z, cv2.CMP_GT)
-    crest[:, [0, -1]] = 0
-    at = np.flatnonzero(crest)
-    flat = z.ravel()
+    strong = one_channel(z) > WEAK_Z
+    strong[:, [0, -1]] = False  # a crest has a neighbour on both sides
+    at, flat = np.flatnonzero(strong), z.ravel()
     before, here, after = flat[at - 1], flat[at], flat[at + 1]
-    keep = here > before  # of two equal neighbours the right one
-    at, before, here, after = at[keep], before[keep], here[keep], after[keep]
+    crest = np.flatnonzero((here > before) & (here >= after))  # of two equal neighbours the right one
+    at, before, here, after = at[crest], before[crest], here[crest], after[crest]
     shift = 0.5 * (before - after) / np.minimum(before - 2 * here + after, -1e-6)
     row, column = np.divmod(at, z.shape[1])
     return PaintPoints(row, column + np.minimum(np.maximum(shift, -0.5), 0.5), weight_of(here))

@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 
 from lanelib.errors import LanelibError
+from lanelib.parts import prefix_of, remove_abandoned
 
 MAX_MEGAPIXELS = 120.0  # above any camera a car carries (8K is 33) and common phones (108); 360 MB once decoded
 MAX_FILE_BYTES = 1 << 29  # 512 MB: an uncompressed picture of the largest size, with room to spare
@@ -111,7 +112,8 @@ def write_bytes(path, data: bytes) -> Path:
     try:
         if path.is_dir():
             raise IsADirectoryError(0, "it is a folder")
-        handle, temporary = tempfile.mkstemp(prefix=f".{path.name[:40]}.", suffix=".part", dir=path.parent)
+        remove_abandoned(path)
+        handle, temporary = tempfile.mkstemp(prefix=prefix_of(path), suffix=".part", dir=path.parent)
         with os.fdopen(handle, "wb") as file:
             file.write(data)
         mask = os.umask(0)  # mkstemp makes a private file; give it the rights an ordinary open() would give

@@ -3,12 +3,39 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from lanelib.jointfit import JointFit
 from lanelib.lane import Check, Lane
+from lanelib.neighbours import Neighbour
+
+
+class OnDemand:
+    """A dataclass field that may be given as a function without arguments: it is called when first asked for."""
+
+    def __init__(self, default):
+        self.default = default
+
+    def __set_name__(self, owner, name: str) -> None:
+        self.key = f"_{name}"
+
+    def __get__(self, instance, owner):
+        if instance is None:  # how dataclasses ask for the default
+            return self.default
+        value = vars(instance)[self.key]
+        if callable(value):
+            value = vars(instance)[self.key] = value()
+        return value
+
+    def __set__(self, instance, value) -> None:
+        vars(instance)[self.key] = value
+
+
+def no_line() -> np.ndarray:
+    """A line without points."""
+    return np.empty((0, 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,7 +43,7 @@ class LaneResult:
     """What one frame said. ``status``: "measured", "held" (from frames before) or "none"; then ``reason`` says why.
 
     ``left_px``, ``right_px``: (N, 2) pixels of the frame as given, from near to far, over the part where the lane was
-    seen.
+    seen. ``neighbours``: lanes beside the ego lane, left ones first, where they were asked for and seen.
     """
 
     lane: Lane | None
@@ -24,14 +51,19 @@ class LaneResult:
     reason: str = ""
     confidence: float = 0.0
     checks: tuple[Check, ...] = ()
-    left_px: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
-    right_px: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
+    left_px: np.ndarray = OnDemand(no_line)
+    right_px: np.ndarray = OnDemand(no_line)
     size_wh: tuple[int, int] = (0, 0)
     milliseconds: float = 0.0
     fit: JointFit | None = None
+    neighbours: tuple[Neighbour, ...] = ()
 
     def __bool__(self):
         return self.lane is not None
+
+    def __getstate__(self):
+        _ = self.left_px, self.right_px  # functions do not travel to other processes
+        return vars(self)
 
     @property
     def radius_m(self) -> float | None:
@@ -55,10 +87,11 @@ class LaneResult:
 
     def to_row(self, raw_file: str, *, step_px: int = 10) -> dict:
         """This result as one line of the TuSimple layout (see docs/ARCHITECTURE.md), over the rows where the lane
-        was seen."""
+        was seen. Far boundaries of neighbours follow the ego lane's two lines, so that these stay the first."""
         w, h = self.size_wh
-        lines = [line_at_rows(p, np.arange(0, h, step_px), w) for p in (self.left_px, self.right_px)]
-        seen = [i for i in range(len(lines[0])) if lines[0][i] >= 0 or lines[1][i] >= 0]
+        every = (self.left_px, self.right_px, *(n.points_px for n in self.neighbours))
+        lines = [line_at_rows(p, np.arange(0, h, step_px), w) for p in every]
+        seen = [i for i in range(len(lines[0])) if any(line[i] >= 0 for line in lines)]
         rows = range(seen[0], seen[-1] + 1) if seen else range(0)
         number = lambda v, digits: None if v is None or not math.isfinite(v) else round(float(v), digits)  # noqa: E731
         return {
@@ -73,7 +106,7 @@ class LaneResult:
             "curvature_1pm": number(self.curvature_1pm, 7),
             "offset_m": number(self.offset_m, 3),
             "lane_width_m": number(self.width_m, 3),
-        }
+        } | ({"neighbours": [n.to_dict() for n in self.neighbours]} if self.neighbours else {})
 
     def __repr__(self):
         return f"LaneResult({self.status}, confidence {self.confidence:.2f}, {self.lane or self.reason})"

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -23,7 +22,7 @@ from lanelib.errors import LanelibError
 from lanelib.jointfit import JointFit, Points
 from lanelib.lane import Lane
 from lanelib.paint import PaintPoints, paint_points
-from lanelib.pictures import read_text
+from lanelib.pictures import read_text, write_bytes
 
 RIG_FORMAT = "lanelib-rig/1"
 SCAN_COLUMN_M, SCAN_REACH_M, SCAN_ROWS = 0.05, 7.5, 112  # chosen by accuracy against truth: see notebook 07
@@ -103,15 +102,8 @@ class Rig:
         return cls(camera, birdseye, str(numbers.get("name", "rig")), str(numbers.get("notes", "")))
 
     def save(self, path) -> Path:
-        """Write the rig as JSON, under a temporary name first; LanelibError where that cannot be."""
-        path = Path(path)
-        part = path.with_name(path.name + ".part")
-        try:
-            part.write_text(json.dumps(self.to_dict(), indent=1) + "\n")
-            os.replace(part, path)
-        except OSError as error:
-            raise LanelibError(f"cannot write the rig {path}: {error.strerror}; choose another place") from None
-        return path
+        """Write the rig as JSON, completely or not at all; LanelibError where that cannot be."""
+        return write_bytes(path, (json.dumps(self.to_dict(), indent=1) + "\n").encode())
 
     @classmethod
     def load(cls, path) -> Rig:
@@ -137,6 +129,7 @@ class View:
         self.rig, self.grid = rig, rig.scan_grid
         self._last: tuple[JointFit, Lane] | None = None
         self._table = rig.birdseye.table(rig.camera, self.grid)
+        self._inverse_y = 1 / self.grid.y_m
         self.height_m = rig.mounting["height_m"]
         # in pixels of a 1280-wide frame
         self.focal_px = float(rig.camera.camera_matrix[0, 0] * 1280 / rig.size_wh[0])
@@ -163,7 +156,7 @@ class View:
         width, height = self.rig.size_wh
         half = (height // 2, width // 2)
         luma = cv2.remap(frame_yuv[:height], *self._table, cv2.INTER_LINEAR)
-        u, v = (plane.reshape(half) for plane in np.split(frame_yuv[height:].reshape(-1), 2))
+        u, v = frame_yuv[height:].reshape(2, *half)
         return luma, *(cv2.remap(plane, *self._half_table, cv2.INTER_LINEAR) for plane in (u, v))
 
     @cached_property
@@ -178,7 +171,7 @@ class View:
 
     def points(self, paint: PaintPoints) -> Points:
         """Paint points of a scan as the joint fit wants them."""
-        inverse = 1 / self.grid.y_m[paint.row]
+        inverse = self._inverse_y[paint.row]
         return Points(
             self.grid.x_of(paint.column) * inverse,
             inverse,

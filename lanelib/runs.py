@@ -2,8 +2,10 @@
 
 import statistics
 import time
+from array import array
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,12 +23,13 @@ STATUSES = ("measured", "held", "none")
 
 @dataclass
 class Tally:
-    """What became of the frames of one picture folder or video. It grows with `add`, by two numbers a frame."""
+    """What became of the frames of one picture folder or video. It grows with `add`, by two numbers (16 bytes) a
+    frame."""
 
     name: str
     counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(STATUSES, 0))
-    confidences: list[float] = field(default_factory=list)
-    milliseconds: list[float] = field(default_factory=list)
+    confidences: array = field(default_factory=partial(array, "d"))  # a list would take 64 bytes a frame
+    milliseconds: array = field(default_factory=partial(array, "d"))
     began_s: float = field(default_factory=time.perf_counter)
 
     def add(self, result: LaneResult) -> None:
@@ -78,23 +81,25 @@ def run_video(
     rig: Rig,
     *,
     recipe: str = "paint",
+    neighbours: int = 0,
     view: str = "overlay",
     start_s: float = 0.0,
     end_s: float | None = None,
     preset: str = "veryfast",
-    write_row: Callable[[dict], None] = lambda row: None,
+    write_row: Callable[[dict], None] | None = None,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Summary, Tally]:
     """The lane followed through one video, drawn to `out` (None: nowhere); `write_row` gets a row of each frame, whose
     `raw_file` is `NAME.mp4:000123`, counted from the begin of the file."""
-    finder, tally = LaneFinder(rig, recipe=recipe), Tally(path.name)
+    finder, tally = LaneFinder(rig, recipe=recipe, neighbours=neighbours), Tally(path.name)
     even = all(n % 2 == 0 for n in probe(path).size_wh)
     planes = even and (view == "overlay" or out is None)  # as the file stores them: no colour conversion either way
 
     def step(frame: np.ndarray, index: int, time_s: float) -> np.ndarray | None:
         result = finder.process_yuv420(frame) if planes else finder.process(frame)
         tally.add(result)
-        write_row(result.to_row(f"{path.name}:{index:06d}"))
+        if write_row is not None:
+            write_row(result.to_row(f"{path.name}:{index:06d}"))
         if out is None:
             return None
         return draw.overlay_yuv420(frame, result) if planes else picture_of(view, frame, result, finder)

@@ -21,7 +21,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lanelib.errors import LanelibError
-from lanelib.jointfit import CENTRE, PITCH, RATE, UNKNOWN_ROAD, WIDTH, JointFit, Prior, differ, energy_of, rate_std
+from lanelib.jointfit import (
+    CENTRE,
+    PITCH,
+    RATE,
+    UNKNOWN_ROAD,
+    WIDTH,
+    JointFit,
+    Prior,
+    differ,
+    energy_of,
+    holds_car,
+    rate_std,
+)
 
 # How fast each number changes: standard deviation of a step from frame to frame at 25 frames a second. Centre: 0.8 m/s
 # sideways; heading: 0.17 radians a second; bend: from straight to R 60 m in half a second; rate: by its memory, below;
@@ -165,9 +177,9 @@ class LaneTracker:
         return look
 
     def is_outdone(self, tracked: JointFit, fresh: JointFit | None, *, lost: bool) -> bool:
-        """Whether a fresh search found another lane that explains the frame better, for the second time in
-        succession; the old lane is then forgotten."""
-        rival = fresh is not None and (differ(fresh.mean, tracked.mean) or lost)
+        """Whether a fresh search found a lane that explains the frame better, for the second time in succession; the
+        old one is then forgotten. It may be another lane, or the same one with the pitch right."""
+        rival = fresh is not None
         if rival and not lost:
             rival = fresh.energy > energy_of(tracked.mean, tracked.support, self.background) + RIVAL_ENERGY
         confirmed = rival and self._rival is not None and not differ(fresh.mean, self._rival)
@@ -192,12 +204,12 @@ class LaneTracker:
         return replace(fit, mean=np.sum(weights * [f.mean for f in fits], axis=0) / weights.sum(axis=0))
 
 
-def handed_over(fit: JointFit, *, margin_m: float = 0.25) -> tuple[JointFit, bool]:
-    """On a lane change the ego lane becomes the neighbour: once the car's centre is ``margin_m`` beyond a line (so
-    that driving on the line does not flicker), the lane moves over by its width."""
-    centre, width = fit.mean[CENTRE], fit.mean[WIDTH]
-    if abs(centre) <= width / 2 + margin_m:
+def handed_over(fit: JointFit) -> tuple[JointFit, bool]:
+    """On a lane change the ego lane becomes the neighbour: once the car's centre is ``jointfit.BESIDE_M`` beyond a
+    line (so that driving on the line does not flicker), the lane moves over by its width."""
+    if holds_car(fit.mean):
         return fit, False
+    centre, width = fit.mean[CENTRE], fit.mean[WIDTH]
     mean = fit.mean.copy()
     mean[CENTRE] -= np.sign(centre) * width
     return replace(fit, mean=mean), True

@@ -32,12 +32,13 @@ from lanelib.ffmpeg import (
     reason,
     widen_pipe,
 )
+from lanelib.parts import part_of, remove_abandoned
 
 
 class VideoWriter:
     """Writes H.264 in yuv420p that plays in browsers, complete under its name or not at all.
 
-    Use it in a `with` block. The file grows as `.NAME.part.mp4` beside its final name and is renamed when the block
+    Use it in a `with` block. The file grows as `.NAME.PID.part.mp4` beside its final name and is renamed when the block
     ends without an exception. Frames are (H, W, 3) uint8 BGR, or YUV planes (`pixel_format` "yuv420p" or "nv12").
     An odd width or height is made even by repeating the last column or row, so nothing is lost and no pixel moves.
 
@@ -64,7 +65,7 @@ class VideoWriter:
         self._audio = (audio_from, audio_start_s, audio_duration_s)
         self._color_matrix = color_matrix if color_matrix in COLOR_MATRICES else None
         self._threads = threads
-        self._part = self.path.with_name(f".{self.path.stem}.part{self.path.suffix}")
+        self._part = part_of(self.path, suffix=f".part{self.path.suffix}")  # ffmpeg goes by the ending
         self._said: list[str] = []
         self._process: subprocess.Popen[bytes] | None = None
         self._last_us = -1
@@ -108,8 +109,12 @@ class VideoWriter:
         if self._process.wait() != 0:
             raise self._failure()
         self._log_thread.join()
+        try:
+            os.replace(self._part, self.path)
+        except OSError as error:
+            self.abort()
+            raise LanelibError(f"{self.path}: cannot write the video: {error.strerror}; choose another name") from None
         self._abandon.detach()
-        os.replace(self._part, self.path)
 
     def abort(self) -> None:
         """End ffmpeg and remove what was written so far."""
@@ -136,6 +141,7 @@ class VideoWriter:
                 raise LanelibError(f"{self.path}: needed {self._pixel_format} frames, found shape {first.shape}")
             rows = first.shape[0] if self._pixel_format == "bgr24" else first.shape[0] * 2 // 3
             self.size_wh = (first.shape[1], rows)
+        remove_abandoned(self.path)
         width, height = (n + n % 2 for n in self.size_wh)
         planes = self._pixel_format != "bgr24"
         self._shape = (height * 3 // 2, width) if planes else (self.size_wh[1], self.size_wh[0], 3)

@@ -3,13 +3,14 @@ run."""
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from lanelib.calibration import Calibration
 from lanelib.datasets import DataSet
-from lanelib.evaluate import table
+from lanelib.evaluate import Evaluation, table
 from lanelib.rig import Rig
+from lanelib.writeup_figures import BEFORE_AFTER, BOARDS, ERRORS, FOLDERS, HARDEST, OVER_TIME, OVERLAY
 
 PICTURE_OF_STAGES = "test2"  # shown step by step; the first picture where the set has none of this name
 DOUBTFUL = 0.5  # results of less confidence are shown in the discussion
@@ -19,20 +20,25 @@ STEPS = (
     ("birdseye", "The bird's-eye view: the road in metres, through the homography of the rig."),
     ("windows", "Sliding windows on the mask, as in every textbook; kept for comparison."),
     ("fit", "Paint points and the fitted lane: one model of both lines, with the car's nod and the road's slope."),
-    ("lane", "The lane back on the frame, with radius of curvature, lateral offset and confidence."),
+    ("", "The lane back on the frame, with radius of curvature, lateral offset and confidence."),
 )
 
 
-def write_up(data_set: DataSet, rig: Rig | None, calibration: Calibration | None) -> str:
-    """The page as Markdown; its pictures are those that the run wrote beside it."""
+def write_up(
+    data_set: DataSet, rig: Rig | None, calibration: Calibration | None, scores: Mapping[str, Evaluation] | None = None
+) -> str:
+    """The page as Markdown; its pictures are those that the run wrote beside it. ``scores``: what the run's pictures
+    and clips got against the set's truth, where it has one."""
     folder = data_set.output_images
     parts = [f"# Lane finding on the set “{data_set.name}”", _about_camera(folder, calibration), _about_rig(rig)]
     rows = _rows(folder / "lanes.jsonl")
     if rows:
         parts += [_steps(folder, rows), _pictures(rows)]
-    clips = {path.stem: _rows(path) for path in sorted(data_set.output_videos.glob("*.jsonl")) if path.stem != "lanes"}
+    overlays = data_set.output_videos / OVERLAY
+    clips = {path.stem: _rows(path) for path in sorted(overlays.glob("*.jsonl"))}
     if clips:
-        parts.append(_videos(clips, os.path.relpath(data_set.output_videos, folder)))
+        parts.append(_videos(clips, os.path.relpath(overlays, folder), folder))
+    parts += [_against_truth(what, score, folder) for what, score in (scores or {}).items()]
     return "\n\n".join([*(part for part in parts if part), _discussion(rows)]) + "\n"
 
 
@@ -49,8 +55,13 @@ def _about_camera(folder: Path, calibration: Calibration | None) -> str:
         f"## Camera\n\n{used} of {len(calibration.boards)} chessboards give focal lengths of {fx:.1f} and {fy:.1f} px "
         f"and a root-mean-square reprojection error of {calibration.rms_px:.3f} px over all corners and both axes."
     )
-    shown = sorted(folder.glob("calibration*_before_after.jpg"))
-    return text + (f"\n\n![a chessboard before and after undistortion]({shown[0].name})" if shown else "")
+    shown = {
+        f"{BOARDS}/corners.jpg": "all chessboards with their corners",
+        f"{BOARDS}/errors.png": "the error of each board",
+    }
+    for path in sorted((folder / BEFORE_AFTER).glob("calib*"))[:1]:
+        shown[f"{BEFORE_AFTER}/{path.name}"] = "a chessboard before and after undistortion"
+    return "\n\n".join([text, *(f"![{alt}]({name})" for name, alt in shown.items() if (folder / name).is_file())])
 
 
 def _about_rig(rig: Rig | None) -> str:
@@ -69,8 +80,9 @@ def _steps(folder: Path, rows: Sequence[dict]) -> str:
     stem = PICTURE_OF_STAGES if PICTURE_OF_STAGES in names else names[0]
     parts = [f"## Step by step: {stem}"]
     for stage, text in STEPS:
-        for path in folder.glob(f"{stem}_*_{stage}.jpg"):
-            parts.append(f"{text}\n\n![{stage}]({path.name})")
+        name = f"{FOLDERS[stage]}/{stem}.jpg" if stage else f"{stem}.jpg"
+        if (folder / name).is_file():
+            parts.append(f"{text}\n\n![{stage or 'lane'}]({name})")
     row = rows[names.index(stem)]
     if row["lane_width_m"] is not None:
         parts.append(
@@ -88,14 +100,29 @@ def _pictures(rows: Sequence[dict]) -> str:
     return "## All pictures, each on its own\n\n" + table([head, *body], left=(0, 1, 3, 4))
 
 
-def _videos(clips: dict[str, list[dict]], folder: str) -> str:
+def _videos(clips: dict[str, list[dict]], overlays: str, folder: Path) -> str:
     head = ["video", "frames", "measured", "held", "none", "least confidence"]
     body = []
     for name, rows in clips.items():
         counts = [str(sum(r["status"] == s for r in rows)) for s in ("measured", "held", "none")]
         least = min((r["confidence"] for r in rows), default=0.0)
-        body.append([f"[{name}]({folder}/{name}.mp4)", str(len(rows)), *counts, f"{least:.2f}"])
-    return "## Videos, with the tracker\n\n" + table([head, *body])
+        body.append([f"[{name}]({overlays}/{name}.mp4)", str(len(rows)), *counts, f"{least:.2f}"])
+    parts = ["## Videos, with the tracker", table([head, *body])]
+    for name in clips:
+        for file, text in (
+            (f"{OVER_TIME}/{name}.png", f"{name} over time; the truth is dashed where it is known."),
+            (f"{HARDEST}/{name}.jpg", f"The moments of {name} with the least confidence."),
+        ):
+            if (folder / file).is_file():
+                parts.append(f"{text}\n\n![{name}]({file})")
+    return "\n\n".join(parts)
+
+
+def _against_truth(what: str, score: Evaluation, folder: Path) -> str:
+    parts = [f"## Against the truth: {what}", str(score)]
+    if what == "pictures" and (folder / ERRORS / "pictures.png").is_file():
+        parts.append(f"![error of each picture]({ERRORS}/pictures.png)")
+    return "\n\n".join(parts)
 
 
 def _discussion(rows: Sequence[dict]) -> str:

@@ -95,8 +95,8 @@ def render_clips(names=(), *, spp=4, frames=None, every=1, shrink=1, work=None):
     for name, clip in describe().items():
         if names and name.rsplit(".", 1)[0] not in names:
             continue
-        folder = (work or WORK) / name.rsplit(".", 1)[0]
-        key = scene_key("clip", LOOK, clip, true_lens().to_dict(), spp, shrink)
+        folder, own_spp = (work or WORK) / name.rsplit(".", 1)[0], clip.get("spp", spp)
+        key = _key(clip, own_spp, shrink)
         if (
             folder.exists()
             and (folder / "key.json").exists()
@@ -105,7 +105,7 @@ def render_clips(names=(), *, spp=4, frames=None, every=1, shrink=1, work=None):
             raise SystemExit(
                 f"{folder} holds frames of another description of {name}: move or remove it, then run again"
             )
-        write_json(folder / "key.json", {"key": key, "spp": spp, "shrink": shrink})
+        write_json(folder / "key.json", {"key": key, "spp": own_spp, "shrink": shrink})
         drive, fps, world, section = Drive(clip), clip["fps"], None, None
         total = min(frame_count(clip), frames or 10**9)
         for i in range(0, total, every):
@@ -123,7 +123,7 @@ def render_clips(names=(), *, spp=4, frames=None, every=1, shrink=1, work=None):
                 drive.pose(t),
                 time_s=t,
                 mounting=drive.mounted(t),
-                spp=spp,
+                spp=own_spp,
                 seed=i,
                 shrink=shrink,
                 raw_file=f"{name}:{i:06d}",
@@ -139,6 +139,12 @@ def render_clips(names=(), *, spp=4, frames=None, every=1, shrink=1, work=None):
                 f"{time.time() - started:.1f} s",
                 flush=True,
             )
+
+
+def _key(clip, spp, shrink):
+    """Tells whether frames come from this description; its length changes no frame."""
+    about = {k: v for k, v in clip.items() if k != "seconds"}
+    return scene_key("clip", LOOK, about, true_lens().to_dict(), spp, shrink)
 
 
 def _tags(clip, s):

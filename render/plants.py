@@ -179,13 +179,16 @@ class Garden:
     def __init__(self):
         self.bark, self.leaves, self.triangles = [], [], 0
 
-    def plant(self, species, at, *, away_m, variant=0, size=1.0, turn=0.0, tone=1.0, simpler=0):
+    def plant(self, species, at, *, away_m, variant=0, size=1.0, turn=0.0, tone=1.0, simpler=0, pruned=None):
         level = min(len(THINNER) - 1, int(np.searchsorted(LEVEL_FROM_M, away_m)) + simpler)
         bark, bark_faces, leaf, leaf_faces, color = tree(species, variant, level)
         m = size * np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]], np.float32)
         at = np.float32(at)
-        self.bark.append((bark @ m.T + at, bark_faces))
-        self.leaves.append((leaf @ m.T + at, leaf_faces, color * np.float32(tone * BRIGHTER)))
+        bark, leaf = bark @ m.T + at, leaf @ m.T + at
+        if pruned is not None:  # tells which points may not be there
+            bark_faces, leaf_faces = (f[~pruned(p)[f].any(1)] for p, f in ((bark, bark_faces), (leaf, leaf_faces)))
+        self.bark.append((bark, bark_faces))
+        self.leaves.append((leaf, leaf_faces, color * np.float32(tone * BRIGHTER)))
         self.triangles += len(bark_faces) + len(leaf_faces)
 
     def grass(self, at, *, variant, size):

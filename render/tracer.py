@@ -124,10 +124,10 @@ def mesh(name: str, points, faces, bsdf: dict, *, uv=None, colors=None, smooth: 
     if colors is not None:
         m.add_attribute("vertex_color", 3, np.asarray(colors, np.float32).ravel())
     params = mi.traverse(m)
-    params["vertex_positions"] = points.ravel()
-    params["faces"] = faces.ravel()
+    params["vertex_positions"] = mi.Float(points.ravel())  # a bare numpy array would be read number by number
+    params["faces"] = mi.UInt32(faces.ravel())
     if uv is not None:
-        params["vertex_texcoords"] = np.asarray(uv, np.float32).ravel()
+        params["vertex_texcoords"] = mi.Float(np.asarray(uv, np.float32).ravel())
     params.update()
     if smooth:
         m.recompute_vertex_normals()

@@ -32,6 +32,8 @@ class World:
         self.rng = np.random.default_rng(scene.get("seed", 1))
         self.parts = {"type": "scene"}
         self.garden = Garden()
+        paved = self.at(np.arange(self.s0, self.s1, 0.4)[:, None], np.arange(self.outer[0], self.outer[1] + 0.4, 0.4))
+        self.asphalt = np.unique(_cell(paved[..., :2].reshape(-1, 2)))  # the square metres that are paved
         self.lights()
         self.pavement()
         terrain(self)
@@ -183,10 +185,12 @@ class World:
 
     def _plant(self, species, s, d, size, s_from, s_to, variant):
         turn, tone = self.rng.uniform(0, 6.28), self.rng.uniform(0.8, 1.2)
-        if not self.s0 < s < self.s1:
+        if not self.s0 < s < self.s1 or self._on_road(self.at(s, d)[:2]):
             return
         z = float(self.height(np.array([[s]]), np.array([[d]]))[0, 0])
-        away = max(0.0, s - s_to) + (0 if s > s_from else s_from - s) if s_to > s_from else np.hypot(s - s_from, d)
+        away = np.hypot(max(0.0, s - s_to) + max(0.0, s_from - s), d)
+        if s_to > s_from:  # a clip is compressed and blurred by motion; behind the camera only the shadows are seen
+            away = 2 * np.hypot(max(0.0, s - s_to) + 3 * max(0.0, s_from - s), d)
         self.garden.plant(
             species,
             self.at(s, d, z),
@@ -196,7 +200,19 @@ class World:
             turn=turn,
             tone=tone,
             simpler=self.scene.get("simpler", 0),
+            pruned=self._over_road if self.scene.get("clearance_m") and abs(d) < 25 else None,
         )
+
+    def _on_road(self, xy):
+        """Where a road winds, what stands far beside one part of it may stand on the next."""
+        return bool(np.isin(_cell(np.asarray(xy) + [[i, j] for i in (-1.5, 0, 1.5) for j in (-1.5, 0, 1.5)]),
+                            self.asphalt).any())  # fmt: skip
+
+    def _over_road(self, points):
+        """Which points (n, 3) hang over the road lower than its keeper lets them."""
+        low = points[:, 2] < self.road.elevation(self.s1 - AHEAD_M) + self.scene["clearance_m"]
+        low[low] = np.isin(_cell(points[low, :2]), self.asphalt)
+        return low
 
     # --- traffic and the car the camera is in -----------------------------------------------------------------------
     def cars_at(self, time_s):
@@ -282,6 +298,12 @@ class World:
         if time_s is not None:
             parts.update({f"car{k}": part for k, part in enumerate(by_material(self.cars_at(time_s)))})
         return mi.load_dict(parts)
+
+
+def _cell(xy):
+    """A number for each square metre of the ground; xy (n, 2)."""
+    i = np.floor(xy).astype(np.int64)
+    return i[:, 0] * 100_000 + i[:, 1]
 
 
 def lane_of(scene) -> tuple[Marking | None, Marking | None]:

@@ -63,7 +63,8 @@ class Log(course.Console):
 def test_everything_is_written(project):
     add_boards(project, 4)
     log = Log()
-    assert course.run_course(console=log) == 0 and not log.complaints
+    assert course.run_course(console=log) == 0, log.complaints
+    assert not log.complaints
     out = project / "output_images/mine"
     names = {path.name for path in out.iterdir()}
     assert {
@@ -72,13 +73,20 @@ def test_everything_is_written(project):
         "lanes.jsonl",
         "road0.jpg",
         "road1.jpg",
-        "road1_1_undistorted.jpg",
+        "01_undistorted",
+        "02_mask",
+        "06_errors",
     } <= names
+    for file in ("01_undistorted/road1.jpg", "02_evidence/road0.jpg", "04_fit/road1.jpg", "05_diagnostic/road0.jpg"):
+        assert cv2.imread(str(out / file)) is not None, file
+    for file in ("01_boards/corners.jpg", "01_boards/errors.png", "05_over_time/drive.png", "05_hardest/drive.jpg"):
+        assert cv2.imread(str(out / file)) is not None, file
     assert Camera.load(out / "calibration.json").size_wh == chessboards.CAMERA.size_wh
-    before_after = cv2.imread(str(out / "b0_before_after.jpg"))
+    before_after = cv2.imread(str(out / "01_before_after/b0.jpg"))
     assert before_after.shape[1] == 2 * chessboards.CAMERA.size_wh[0]
-    assert {path.name for path in (project / "output_videos/mine").iterdir()} == {"drive.mp4", "drive.jsonl"}
-    assert len((project / "output_videos/mine/drive.jsonl").read_text().splitlines()) == 6
+    overlays = project / "output_videos/mine/05_overlay"
+    assert {path.name for path in overlays.iterdir()} == {"drive.mp4", "drive.jsonl"}
+    assert len((overlays / "drive.jsonl").read_text().splitlines()) == 6
     summary = (out / "summary.md").read_text()
     assert "4 of 4 chessboards used" in summary and "cm at 10 m" in summary and "Could not" not in summary
     rows = {
@@ -96,7 +104,8 @@ def test_one_failure_does_not_stop_the_rest(project):
     (project / "test_videos/mine/a_broken.mp4").write_text("nothing")
     log = Log()
     assert course.run_course(["mine"], console=log) == 2
-    assert (project / "output_images/mine/road1.jpg").is_file() and (project / "output_videos/mine/drive.mp4").is_file()
+    assert (project / "output_images/mine/road1.jpg").is_file()
+    assert (project / "output_videos/mine/05_overlay/drive.mp4").is_file()
     summary = (project / "output_images/mine/summary.md").read_text()
     for missed in ("calibrate: need at least 3", "broken.jpg", "a_broken.mp4"):
         assert missed in summary.split("Could not be done")[1]
@@ -108,7 +117,7 @@ def test_a_fault_is_told_from_bad_input(project, monkeypatch):
     def fail(*_, **__):
         raise ZeroDivisionError("oh\nno")
 
-    monkeypatch.setattr(course, "write_pictures", fail)
+    monkeypatch.setattr(course, "write_steps", fail)
     log = Log()
     assert course.run_course(videos=False, console=log) == 1
     assert any("a fault of lanelib (ZeroDivisionError: oh no)" in line for line in log.complaints)

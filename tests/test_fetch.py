@@ -4,16 +4,20 @@ import hashlib
 import http.server
 import os
 import socket
+import struct
 import subprocess
 import sys
 import threading
 import time
+import tracemalloc
 import zipfile
+import zlib
 from pathlib import Path
 
 import pytest
 
 from lanelib import fetch as fetching
+from lanelib.download import download, unpack
 from lanelib.errors import LanelibError
 from lanelib.fetch import PackageIndex, Repository, fetch
 
@@ -57,6 +61,7 @@ class Server(http.server.ThreadingHTTPServer):
         self.files, self.asked = files, []
         self.cut_after: dict[str, list[int]] = {}  # path: bytes after which the next answers break off
         self.ranges = True
+        self.headers: dict[str, str] = {}
         self.stall = threading.Event()
         self.stalls: set[str] = set()
         threading.Thread(target=self.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True).start()
@@ -78,6 +83,8 @@ class Handler(http.server.BaseHTTPRequestHandler):
             return self.send_error(416)
         self.send_response(206 if start else 200)
         self.send_header("Content-Length", str(len(data) - start))
+        for name, value in self.server.headers.items():
+            self.send_header(name, value)
         self.end_headers()
         body = data[start:]
         if cuts := self.server.cut_after.get(self.path):
@@ -354,11 +361,47 @@ def test_a_host_out_of_reach_is_one_clear_line(contents, tmp_path, monkeypatch):
 
 
 def test_a_server_that_falls_silent(server, tmp_path):
-    from lanelib.download import download
-
     server.stalls.add("/project_video.mp4")
     with pytest.raises(LanelibError, match="no answer"):
         download(server.url + "/project_video.mp4", tmp_path / "clip.part", source="a test", silence_s=0.2)
+
+
+def test_a_file_that_never_ends_is_cut_off(server, tmp_path, monkeypatch):
+    """However long the server sends: no more than the bound is written, and nothing stays."""
+    monkeypatch.setattr("lanelib.download.MAX_MEMBER_BYTES", 100_000)
+    with pytest.raises(LanelibError, match="project_video.mp4 is refused: it has more than 100000 bytes") as error:
+        fetch(root=tmp_path, sources=[Repository(server.url)])
+    assert "\n" not in str(error.value) and VIDEO not in files_below(tmp_path)
+    assert not [name for name in files_below(tmp_path) if name.endswith(".part")]
+
+
+def test_a_packed_answer_does_not_unpack_without_end(server, tmp_path, monkeypatch):
+    """300 kB of gzip, not asked for, that are 300 MB of zeros: refused at the bound, in little memory."""
+    monkeypatch.setattr("lanelib.download.MAX_MEMBER_BYTES", 5_000_000)
+    packer, bomb = zlib.compressobj(9, zlib.DEFLATED, 31), b""
+    for _ in range(300):
+        bomb += packer.compress(bytes(1_000_000))
+    server.files["/project_video.mp4"] = bomb + packer.flush()
+    server.headers = {"Content-Encoding": "gzip"}
+    tracemalloc.start()
+    try:
+        with pytest.raises(LanelibError, match="refused: it has more than 5000000 bytes"):
+            download(server.url + "/project_video.mp4", tmp_path / "clip.part", source="a test")
+        assert tracemalloc.get_traced_memory()[1] < 200e6
+    finally:
+        tracemalloc.stop()
+    assert files_below(tmp_path) == {}
+
+
+def test_a_member_that_lies_about_its_size_is_refused(tmp_path):
+    """10 MB of zeros that claim to be 1 kB: no more than that is written, and it is not taken."""
+    archive = tmp_path / "a.zip"
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as opened:
+        opened.writestr("big.bin", bytes(10**7))
+    archive.write_bytes(archive.read_bytes().replace(struct.pack("<I", 10**7), struct.pack("<I", 1000)))
+    with pytest.raises(LanelibError, match="a.zip cannot be unpacked"):
+        list(unpack(archive, {"big.bin": tmp_path / "out.part"}))
+    assert (tmp_path / "out.part").stat().st_size <= 1000
 
 
 def test_a_place_that_cannot_be_written(server, tmp_path):

@@ -6,8 +6,19 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from roads import Lane7, joined, points, points_on_lane
 
-from lanelib.hypotheses import hypotheses, single_lines, votes
-from lanelib.jointfit import UNKNOWN_ROAD, WIDTH, differ, fit, line_x
+from lanelib.hypotheses import (
+    BEARINGS,
+    BENDS,
+    FARTHEST_M,
+    X_BINS_M,
+    X_REACH_M,
+    X_STEP_M,
+    hypotheses,
+    refined_lines,
+    single_lines,
+    votes,
+)
+from lanelib.jointfit import UNKNOWN_ROAD, WIDTH, differ, fit, holds_car, line_x
 
 # offset, heading, bend (R from 60 m on, either way), width, pitch in degrees
 lanes = st.builds(
@@ -88,6 +99,16 @@ def test_each_hypothesis_is_another_lane():
     assert len(hypotheses(p, count=1)) == 1
 
 
+@pytest.mark.parametrize("bend", [0.0, 1 / 160])
+def test_the_oncoming_lane_is_not_ours_however_clear_its_lines(bend):
+    """Forest road: double line and far edge line in the sun, our own edge line a few specks in the shade."""
+    theirs, ours = Lane7(-2.45, 0.0, bend, width=2.9), Lane7(0.45, 0.0, bend, width=2.9)
+    specks = points_on_lane(ours, y_m=np.linspace(8, 20, 9), sides=(1,))
+    starts = hypotheses(joined(points_on_lane(theirs), specks))
+    assert starts and all(holds_car(start) for start in starts)
+    assert any(not differ(start, ours.mean) for start in starts)
+
+
 @pytest.mark.parametrize("side", [-1, 1])
 def test_one_line_is_enough_for_a_lane_of_the_usual_width(side):
     lane = Lane7(0.2, 0.02, -1 / 500, width=3.6)
@@ -114,3 +135,44 @@ def test_votes_peak_at_the_line():
     d, a, b, c = single_lines(p)[0]
     y = np.array([5.0, 15, 30])
     np.testing.assert_allclose(c + b * y + a * y**2 + d * y**3, lane.x(y, -1), atol=0.02)
+
+
+def clutter(n, seed):
+    """Points anywhere on the road."""
+    rng = np.random.default_rng(seed)
+    y = 1 / rng.uniform(1 / 60, 1 / 4, n)
+    return points(rng.uniform(-8, 8, n) / y, 1 / y, rng.integers(0, 136, n), rng.uniform(0.2, 1, n))
+
+
+def test_votes_are_counted_as_a_histogram_would():
+    """Line by line, with numpy's histogram; a point on the edge of a bin may fall to either side."""
+    p = clutter(80, 1)
+    table, near = votes(p), p.inverse > 1 / FARTHEST_M
+    y, bearing, weight = 1 / p.inverse[near], p.bearing[near], p.weight[near]
+    edges = np.linspace(-X_REACH_M, X_REACH_M, len(X_BINS_M) + 1)
+    counted = 0.0
+    for i in range(0, len(BENDS), 3):
+        arc = np.abs(2 * BENDS[i]) * y <= 0.7
+        for j in range(0, len(BEARINGS), 4):
+            x = ((bearing - BEARINGS[j]) * y - BENDS[i] * y**2)[arc]
+            on_edge = np.abs((x + X_REACH_M) / X_STEP_M - np.rint((x + X_REACH_M) / X_STEP_M)) < 1e-3
+            expected = np.histogram(x, edges, weights=weight[arc])[0]
+            assert np.abs(table[i, j] - expected).sum() <= 2 * weight[arc][on_edge].sum() + 1e-4
+            counted += expected.sum()
+    assert counted > 500
+
+
+def test_votes_of_the_mirrored_road_are_mirrored():
+    p = clutter(60, 2)
+    mirrored = points(-p.bearing, p.inverse, p.row, p.weight)
+    difference = np.abs(votes(p) - votes(mirrored)[::-1, ::-1, ::-1])
+    assert difference.sum() < 1e-3 * votes(p).sum()
+
+
+def test_lines_refined_together_are_those_refined_alone():
+    p = joined(dashed(Lane7(0.2, 0.03, 1 / 500)), clutter(60, 3))
+    starts = np.array([[0, 1e-3, 0.02, -1.5], [0, 0, 0.05, 2.2], [0, -2e-3, 0.0, 1.9]])
+    together = refined_lines(p, starts)
+    for start, line in zip(starts, together, strict=True):
+        np.testing.assert_allclose(refined_lines(p, start[None])[0], line, rtol=1e-9, atol=1e-12)
+    assert refined_lines(p, np.empty((0, 4))).shape == (0, 4)

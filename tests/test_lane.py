@@ -220,7 +220,7 @@ BROKEN = {
     "width": lane_of(width=5.2),
     "parallel": Lane(Line([0, -0.02, -1.8], (4, 30)), Line([0, 0.02, 1.8], (4, 30))),
     "same bend": Lane(Line([0, 0, -1.8], (4, 6)), Line([0.004, 0, 1.8], (4, 6))),
-    "radius": Lane(Line([1 / 24, 0, -1.8], (4, 5)), Line([1 / 24, 0, 1.8], (4, 5))),
+    "radius": Lane(Line([1 / 27.6, 0, -1.8], (4, 5)), Line([1 / 20.4, 0, 1.8], (4, 5))),
 }
 
 
@@ -239,6 +239,18 @@ def test_each_check_fails_on_the_lane_that_breaks_it(name):
     # lines that have changed places are also of a wrong (negative) width: nothing else may fail with them
     assert failed(checks) == ({name, "width"} if name == "order" else {name})
     assert all(("FAIL" in repr(c)) == (c.name in failed(checks)) for c in checks)
+
+
+@pytest.mark.parametrize("radius_m", [27, -27, 18])
+def test_the_lines_of_a_hairpin_bend_differently_and_are_parallel(radius_m):
+    """Concentric circles: the inner line's curvature is 1 / (R - w / 2), the outer one's 1 / (R + w / 2)."""
+    width = 3.7
+    left, right = (
+        Line([-1 / (2 * (radius_m + side * width / 2)), 0, side * width / 2], (4, 6)) for side in (-1, 1)
+    )
+    assert abs(left.curvature_1pm() - right.curvature_1pm()) > 0.004
+    bend = next(c for c in check_lane(Lane(left, right)) if c.name == "same bend")
+    assert bend.ok and bend.value < 1e-9
 
 
 def test_lines_that_cross_ahead_are_out_of_order():

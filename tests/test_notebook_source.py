@@ -1,6 +1,7 @@
 """The format of the notebooks' sources, and the tolerance with which their outputs are compared."""
 
 import importlib.util
+import re
 import sys
 from pathlib import Path
 
@@ -189,3 +190,19 @@ def tolerant():
 def test_outputs_are_compared_by_words_and_numbers(tolerant, one, other, same):
     assert (tolerant(one) == other) is same
     assert (tolerant(one) != other) is not same
+
+
+def test_all_pages_say_the_same_minutes():
+    """The first lines of each notebook, the map in notebook 00, the README's table and the teacher's page."""
+    said = {}
+    for path in sorted((ROOT / "notebooks" / "source").glob("[0-9][0-9]_*.py")):
+        text = path.read_text(encoding="utf-8")
+        minutes = re.search(r"\*\*Minutes:\*\* (\d+) to read and run, (\d+) with the exercises", text)
+        said[path.name[:2]] = minutes.groups()
+    assert len(said) == 9
+    readme, teaching = ((ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "docs/TEACHING.md"))
+    course_map = (ROOT / "notebooks/source/00_find_a_lane.py").read_text(encoding="utf-8")
+    for number, (reading, whole) in said.items():
+        assert re.search(rf"\| {number} \| \[[^\]]+\]\(\S+\) \| {whole} \|", readme), number
+        assert re.search(rf"\| {number} [^|]+\| {reading} \| {whole} \|", teaching), number
+        assert re.search(rf"\| (\*\*|\[){number} [^|]+\|[^|]+\| {whole} \|", course_map), number

@@ -1,12 +1,16 @@
 """result.py: the row of a result is that of the contract, and -2 wherever a line is not."""
 
 import json
+import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from roads import SIZE_WH, Lane7, paint_frame, rig
 
+from lanelib.finder import LaneFinder
 from lanelib.lane import Lane, Line
 from lanelib.result import LaneResult, line_at_rows
 
@@ -85,6 +89,35 @@ def test_without_a_lane_there_is_the_reason():
     assert (row["h_samples"], row["lanes"], row["status"], row["reason"]) == ([], [], "none", "fog")
     assert all(row[k] is None for k in ("radius_m", "curvature_1pm", "offset_m", "lane_width_m"))
     assert "fog" in repr(none) and "3.70 m wide" in repr(result())
+
+
+def test_lines_may_be_worked_out_when_they_are_asked_for():
+    """Once, and as if they had been there from the beginning."""
+    calls = []
+
+    def left():
+        calls.append("left")
+        return line_px(200, 600)
+
+    late = result(left_px=left)
+    assert calls == [] and late.offset_m == pytest.approx(0.25)
+    assert late.to_row("x") == result().to_row("x")
+    np.testing.assert_array_equal(late.left_px, line_px(200, 600))
+    assert calls == ["left"]
+    for copy in (replace(result(left_px=left), reason="copied"), pickle.loads(pickle.dumps(result(left_px=left)))):
+        np.testing.assert_array_equal(copy.left_px, line_px(200, 600))
+    with pytest.raises(AttributeError):
+        late.left_px = line_px(0, 0)
+    assert LaneResult(None, "none").right_px.shape == (0, 2)
+
+
+def test_the_finders_lines_are_those_of_its_view():
+    finder = LaneFinder(rig(), track=False)
+    found = finder.process(paint_frame(Lane7(centre=0.2, heading=0.02, bend=-1 / 400, width=3.5)))
+    left, right = finder.view(SIZE_WH).lines_px(found.lane)
+    np.testing.assert_array_equal(found.left_px, left)
+    np.testing.assert_array_equal(found.right_px, right)
+    assert len(left) > 20 and found.milliseconds > 0
 
 
 def test_beyond_a_crest_a_line_does_not_come_back():

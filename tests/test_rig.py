@@ -87,10 +87,10 @@ def test_what_cannot_be_read_or_written_says_so(tmp_path):
         Rig.load(tmp_path / "absent.json")
     with pytest.raises(LanelibError, match="cannot read"):
         Rig.load(tmp_path)
-    with pytest.raises(LanelibError, match="cannot write"):
+    with pytest.raises(LanelibError, match="a place that can be written"):
         RIG.save(tmp_path / "absent" / "rig.json")
     (tmp_path / "folder.json").mkdir()
-    with pytest.raises(LanelibError, match="cannot write"):
+    with pytest.raises(LanelibError, match="a place that can be written"):
         RIG.save(tmp_path / "folder.json")
 
 

@@ -59,6 +59,20 @@ def one_line(error: pytest.ExceptionInfo, *words: str) -> None:
         assert word in text
 
 
+def test_probe_asks_again_only_about_another_version_of_the_file(tmp_path, monkeypatch):
+    asked = []
+    run = ffmpeg._run
+    monkeypatch.setattr(ffmpeg, "_run", lambda *arguments: asked.append(arguments) or run(*arguments))
+    path = clips.clip(tmp_path / "a.mp4", n_frames=5, size_wh=(128, 64))
+    assert probe(path) == probe(str(path)) and probe(path).size_wh == (128, 64)
+    assert len(asked) == 1
+    clips.clip(path, n_frames=9, size_wh=(64, 128))
+    assert probe(path).size_wh == (64, 128) and len(asked) == 2
+    path.unlink()
+    with pytest.raises(LanelibError, match="found nothing there"):
+        probe(path)
+
+
 # --- probe ---------------------------------------------------------------------------------------------------------
 
 
@@ -488,8 +502,9 @@ def test_disk_full_says_why(tmp_path):
 def test_killed_in_the_middle_nothing_has_the_final_name(tmp_path, sent):
     source = clips.clip(tmp_path / "in.mp4", n_frames=50)
     process = run_python("""
-        import sys, time
+        import signal, sys, time
         from lanelib.pipeline import process_video
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
         def slow(frame, index, time_s):
             print(index, flush=True)
             time.sleep(0.1)

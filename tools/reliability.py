@@ -1,10 +1,12 @@
-"""The long campaign behind docs/RELIABILITY.md: thousands of bad inputs, faults in the middle of work, a long run.
+"""The campaigns behind docs/RELIABILITY.md: thousands of bad inputs, faults in the middle of work, a clip of hours.
 
-    python tools/reliability.py                 about 40 minutes
-    python tools/reliability.py --minutes 5     reduced
+    python tools/reliability.py                 bad input and faults, about 40 minutes
+    python tools/reliability.py --minutes 2     reduced
+    python tools/reliability.py --long          only a clip of 2 hours, about half an hour
 
-Not part of `make test`; the same promises in small are in tests/test_fuzz.py, whose functions, files and commands are
-used here. Inputs are tried in processes of their own, so that even an end by a signal inside a library is counted.
+Each writes its section of the report; the others stay. Not part of `make test`; the same promises in small are in
+tests/test_fuzz.py, whose functions, files and commands are used here, and in tests/test_reliability.py. Inputs are
+tried in processes of their own, so that even an end by a signal inside a library is counted.
 """
 
 import argparse
@@ -12,9 +14,8 @@ import contextlib
 import io
 import json
 import os
-import random
+import re
 import resource
-import signal
 import subprocess
 import sys
 import tempfile
@@ -22,10 +23,12 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests"), str(ROOT / "tools")]
 
 import clips  # noqa: E402
 import cv2  # noqa: E402
+import interrupts  # noqa: E402
+import longrun  # noqa: E402
 import numpy as np  # noqa: E402
 import psutil  # noqa: E402
 import test_fuzz as fuzz  # noqa: E402
@@ -45,6 +48,8 @@ CAMPAIGNS = {
     "damaged JPEG, PNG, MP4, rig and camera files into the loaders": "loaders",
     "damaged files into the commands": "commands",
 }
+REPORT = ROOT / "docs" / "RELIABILITY.md"
+BAD, MID, LONG = "## Bad input", "## Faults in mid-work", "## A long clip"
 TOO_LONG_S = 30.0  # for one input; on an idle machine the slowest needs less than two
 
 
@@ -269,54 +274,6 @@ def lanelib(*arguments: object, **options) -> subprocess.Popen:
                             stderr=subprocess.PIPE, **options)  # fmt: skip
 
 
-def naming(text: str) -> int:
-    """How many processes have this in their arguments."""
-    n = 0
-    for process in psutil.process_iter():
-        with contextlib.suppress(psutil.Error):
-            n += text in " ".join(process.cmdline())
-    return n
-
-
-def signals(place: Path, seconds: float, rng: random.Random) -> dict:
-    """SIGINT, SIGTERM, SIGKILL at any moment of a video command; what it leaves."""
-    clips.ffmpeg("-stream_loop", 99, "-i", place / "road.mp4", "-c", "copy", place / "long.mp4")
-    found = {"faults injected": 0, "crashes": [], "processes": 0, "files": 0, "hidden parts after SIGKILL": 0}
-    until = time.monotonic() + seconds
-    expected = {signal.SIGINT: (130,), signal.SIGTERM: (143,), signal.SIGKILL: (-9,)}
-    while time.monotonic() < until:
-        for number, codes in expected.items():
-            out = place / "out.mp4"
-            out.write_text("from before")
-            process = lanelib("video", "long.mp4", "--rig", "rig.json", "-o", "out.mp4", "--json", "out.jsonl",
-                              cwd=place)  # fmt: skip
-            deadline = time.monotonic() + 60
-            while process.poll() is None and not list(place.glob(".out*.part*")) and time.monotonic() < deadline:
-                time.sleep(0.01)
-            time.sleep(rng.uniform(0, 0.8))
-            process.send_signal(number)
-            try:
-                err = process.communicate(timeout=60)[1]
-            except subprocess.TimeoutExpired:
-                process.kill()
-                err = process.communicate()[1]
-                found["crashes"].append(f"{signal.Signals(number).name}: did not end within 60 s")
-            found["faults injected"] += 1
-            if process.returncode not in codes or len(err.splitlines()) > 1:
-                found["crashes"].append(f"{number.name}: exit code {process.returncode}, said {err[:120]!r}")
-            if out.read_bytes()[:11] != b"from before" or (place / "out.jsonl").exists():
-                found["files"] += 1
-            deadline = time.monotonic() + 5
-            while naming(str(place)) and time.monotonic() < deadline:
-                time.sleep(0.05)
-            found["processes"] += naming(str(place))
-            parts = [p for p in place.iterdir() if ".part" in p.name]
-            found["hidden parts after SIGKILL" if number == signal.SIGKILL else "files"] += len(parts)
-            for path in parts:
-                path.unlink()
-    return found
-
-
 def full_disk(place: Path) -> dict:
     """Every command that writes, onto a file system of some kilobytes (root only)."""
     found = {"faults injected": 0, "crashes": [], "files": 0}
@@ -350,46 +307,23 @@ def full_disk(place: Path) -> dict:
     return found
 
 
-def long_run(place: Path, seconds: float) -> dict:
-    """A looped clip, as long as the time allows (2 hours of film at most): frames in and out, memory on the way."""
-    n = int(min(2 * 3600 * 25, max(2000, seconds * 130)))  # frames; about 130 a second on one busy core
-    loops = -(-n // 20)
-    clips.ffmpeg("-stream_loop", loops - 1, "-i", place / "road.mp4", "-c", "copy", place / "hours.mp4")
-    begin, memory = time.monotonic(), []
-    process = lanelib("video", "hours.mp4", "--rig", "rig.json", "--no-video", "--json", "hours.jsonl", "--quiet",
-                      cwd=place)  # fmt: skip
-    watched = psutil.Process(process.pid)
-    while process.poll() is None:
-        with contextlib.suppress(psutil.Error):
-            own = watched.memory_info().rss
-            memory.append((own, own + sum(c.memory_info().rss for c in watched.children(recursive=True))))
-        time.sleep(0.1)
-        if time.monotonic() - begin > 6 * seconds + 120:
-            process.kill()
-    err = process.communicate()[1]
-    rows = 0
-    if (place / "hours.jsonl").exists():
-        with open(place / "hours.jsonl", encoding="utf-8") as file:
-            rows = sum(json.loads(line)["raw_file"] == f"hours.mp4:{i:06d}" for i, line in enumerate(file))
-    own = [m[0] / 1e6 for m in memory]
-    early, late = own[len(own) // 4 :][:5], own[-max(len(own) // 10, 1) :]
-    return {"frames": loops * 20, "rows in order": rows, "code": process.returncode, "err": err[-200:],
-            "minutes of film": loops * 20 / 25 / 60, "took_s": time.monotonic() - begin, "peak": max(own, default=0),
-            "peak with ffmpeg": max((m[1] / 1e6 for m in memory), default=0),
-            "growth": max(late, default=0) - max(early, default=0)}  # fmt: skip
+def long_clip(hours: float, fps: int) -> str:
+    """The section about a clip of hours, run now."""
+    with tempfile.TemporaryDirectory(prefix="reliability") as folder:
+        command = f"python tools/reliability.py --long --hours {hours:g} --fps {fps}"
+        return longrun.long_run(lanelib, Path(folder), hours, fps=fps).markdown(command)
 
 
 # ---------------------------------------------------------------------------------------------- the report
-def campaign(minutes: float, seed: int) -> str:
-    """Everything, as Markdown."""
-    share = minutes * 60
-    rows, faults = [], []
+def bad_input(minutes: float, seed: int) -> str:
+    """The section about bad input, tried now."""
+    rows, faults, inputs, left = [], [], 0, 0
+    seconds = 60 * minutes / len(CAMPAIGNS)
     for i, (title, name) in enumerate(CAMPAIGNS.items()):
         say(title)
-        seconds = 0.11 * share
         command = [sys.executable, __file__, "--worker", name, "--seconds", str(seconds), "--seed", str(seed + i)]
         try:
-            done = subprocess.run(command, capture_output=True, text=True, timeout=3 * seconds + 120, cwd=ROOT)
+            done = subprocess.run(command, capture_output=True, text=True, timeout=3 * seconds + 300, cwd=ROOT)
             result = json.loads(done.stdout.splitlines()[-1]) if done.returncode == 0 else None
             why = "" if result else f"exit code {done.returncode}: {done.stderr.splitlines()[-1:]}"
         except subprocess.TimeoutExpired:
@@ -398,58 +332,71 @@ def campaign(minutes: float, seed: int) -> str:
             faults.append(f"{title}: {why}")
             rows.append([title, "-", "-", "-", "1", "-", "-", "-"])
             continue
-        unlike = sorted(set(result["faults"]))
-        faults += [f"{title}: {fault}" for fault in unlike[:10]]
+        faults += [f"{title}: {fault}" for fault in sorted(set(result["faults"]))[:10]]
         rows.append([title, *(f"{result[k]:,}" for k in ("inputs", "results", "refused")), str(len(result["faults"])),
                      str(sum(result["left"].values())), f"{result['slowest_s']:.1f}", f"{result['peak_mb']:.0f}"])
+        inputs, left = inputs + result["inputs"], left + sum(result["left"].values())
         if any(result["left"].values()):
             faults.append(f"{title}: left behind {result['left']}")
+    head = ["", "inputs", "results", "refused in one line", "faults", "left behind", "slowest, s", "peak MB"]
+    return "\n".join([
+        BAD, "",
+        f"Written by `python tools/reliability.py --only bad --minutes {minutes:g} --seed {seed}`. A fault is anything "
+        "but a result or one error of one line: a traceback, an end by a signal, more than "
+        f"{TOO_LONG_S:.0f} s for one input.", "",
+        f"**{inputs:,} inputs tried, kinds of fault found: {len(faults)}, things left behind: {left}.**", "",
+        "| " + " | ".join(head) + " |", "|---|" + "---:|" * (len(head) - 1),
+        *("| " + " | ".join(row) + " |" for row in rows),
+        "", "`left behind` counts open files, threads, child processes and temporary files after the last input. Times "
+        "are wall time on a busy machine.", "", found(faults)])  # fmt: skip
+
+
+def faults_in_work(minutes: float, seed: int) -> str:
+    """The section about signals and full disks, tried now."""
     with tempfile.TemporaryDirectory(prefix="reliability") as folder:
         place = Path(folder)
         originals(place)
         frame = cv2.resize(fuzz.ROAD_BGR, (320, 180), interpolation=cv2.INTER_CUBIC)
         cv2.imwrite(str(place / "big.jpg"), cv2.resize(frame, (1280, 720)), [cv2.IMWRITE_JPEG_QUALITY, 98])
-        raw = b"".join(np.roll(frame, i % 2, axis=1).tobytes() for i in range(20))
+        raw = b"".join(np.roll(frame, i % 2, axis=1).tobytes() for i in range(200))
         clips.ffmpeg("-f", "rawvideo", "-pix_fmt", "bgr24", "-s", "320x180", "-r", 25, "-i", "pipe:0", "-c:v",
-                     "libx264", "-preset", "veryfast", "-pix_fmt", "yuv420p", place / "road.mp4", data=raw)  # fmt: skip
-        say("signals")
-        hit = signals(place, 0.15 * share, random.Random(seed))
+                     "libx264", "-preset", "veryfast", "-pix_fmt", "yuv420p", place / "long.mp4", data=raw)  # fmt: skip
         say("full disk")
         full = full_disk(place)
-        say("long run")
-        run = long_run(place, 0.25 * share)
-    faults += hit["crashes"] + full["crashes"]
-    if run["code"] or run["rows in order"] != run["frames"]:
-        faults.append(f"long run: exit code {run['code']}, {run['rows in order']} of {run['frames']}, {run['err']}")
-    total = sum(int(row[1].replace(",", "")) for row in rows if row[1] != "-")
-    head = ["", "inputs", "results", "refused in one line", "faults", "left behind", "slowest, s", "peak MB"]
-    injected = hit["faults injected"] + full["faults injected"]
+        (place / "interrupts").mkdir()
+        say("signals")
+        hit = interrupts.campaign(place / "interrupts", 60 * minutes, seed)
     disk = (f"{full['faults injected']} commands onto a file system of 4 to 128 kB: {len(full['crashes'])} ended with "
             f"anything but exit code 0 or 2 and one line a complaint, {full['files']} temporary files left."
             if full["faults injected"] else "A full disk was not tried (mounting needs root).")  # fmt: skip
     return "\n".join([
-        "# Reliability", "",
-        f"Written by `python tools/reliability.py --minutes {minutes:g} --seed {seed}`. A fault is anything but a "
-        "result or one error of one line: a traceback, an end by a signal, more than "
-        f"{TOO_LONG_S:.0f} s for one input.", "",
-        f"**{total:,} inputs tried, {injected} faults injected, kinds of fault found: {len(faults)}.**", "",
-        "## Bad input", "",
-        "| " + " | ".join(head) + " |", "|---|" + "---:|" * (len(head) - 1),
-        *("| " + " | ".join(row) + " |" for row in rows),
-        "", "`left behind` counts open files, threads, child processes and temporary files after the last input. Times "
-        "are wall time on a busy machine.", "",
-        "## Faults in mid-work", "",
-        f"- SIGINT, SIGTERM and SIGKILL at random moments of `lanelib video`: {hit['faults injected']} runs, "
-        f"{len(hit['crashes'])} wrong endings, {hit['processes']} processes left, {hit['files']} outputs touched or "
-        f"temporary files left. (After SIGKILL nobody can tidy up: {hit['hidden parts after SIGKILL']} hidden `.part` "
-        "files stayed, none under a final name.)",
-        f"- {disk}", "",
-        "## A long run", "",
-        f"- {run['frames']:,} frames ({run['minutes of film']:.0f} minutes of film, 320x180) in {run['took_s']:.0f} s; "
-        f"{run['rows in order']:,} rows came out in order",
-        f"- memory of Python at most {run['peak']:.0f} MB, with ffmpeg {run['peak with ffmpeg']:.0f} MB; from the "
-        f"first quarter to the end it grew by {run['growth']:.1f} MB",
-        "", "## Faults found", "", *([f"- `{fault}`" for fault in faults] or ["None."]), ""])  # fmt: skip
+        MID, "",
+        f"Written by `python tools/reliability.py --only faults --minutes {minutes:g} --seed {seed}`.", "",
+        f"**{hit.injected + full['faults injected']} faults injected, {len(hit.wrong) + len(full['crashes'])} with "
+        "anything wrong afterwards.**", "",
+        f"- SIGINT, SIGTERM and SIGKILL at random moments of `lanelib {'`, `'.join(interrupts.COMMANDS)}`: "
+        f"{hit.injected} runs. Wrong would be: another exit code than 130, 143 and -9, more than its one line, a "
+        "process or temporary file that stayed, a file under its final name that is not whole. After SIGKILL nobody "
+        f"can tidy up: {hit.parts} hidden unfinished files were there in the end, and one more run of each command "
+        "took them away.",
+        f"- {disk}", "", found(hit.wrong + full["crashes"])])  # fmt: skip
+
+
+def found(faults: list[str]) -> str:
+    """The last lines of a section."""
+    return "Faults: none.\n" if not faults else "Faults:\n\n" + "\n".join(f"- `{fault}`" for fault in faults) + "\n"
+
+
+def sections(report: str) -> dict[str, str]:
+    """Heading: the whole section from its heading on."""
+    parts = re.split(r"^(?=## )", report, flags=re.MULTILINE)[1:]
+    return {part.splitlines()[0]: part for part in parts}
+
+
+def with_section(report: str, section: str) -> str:
+    """The report with this section, in the place of the one of its heading or at the end."""
+    own = sections(report) | {section.splitlines()[0]: section}
+    return report.partition("## ")[0] + "\n".join(part.rstrip("\n") + "\n" for part in own.values())
 
 
 def say(text: str) -> None:
@@ -459,14 +406,22 @@ def say(text: str) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--minutes", type=float, default=40.0)
+    parser.add_argument("--only", choices=("bad", "faults", "long"), help="one section; the others stay")
+    parser.add_argument("--long", action="store_const", dest="only", const="long", help="the same as --only long")
+    parser.add_argument("--minutes", type=float, default=20.0, help="for each of the first two sections, about")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--hours", type=float, default=2.0, help="of the long clip")
+    parser.add_argument("--fps", type=int, default=25, help="of the long clip")
     parser.add_argument("--worker", help=argparse.SUPPRESS)
     parser.add_argument("--seconds", type=float, default=10.0, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.worker:
         worker(arguments.worker, arguments.seconds, arguments.seed)
     else:
-        text = campaign(arguments.minutes, arguments.seed).replace(str(ROOT), ".")
-        write_bytes(ROOT / "docs" / "RELIABILITY.md", text.encode())
-        sys.stdout.write(text)
+        make = {"bad": lambda: bad_input(arguments.minutes, arguments.seed),
+                "faults": lambda: faults_in_work(arguments.minutes, arguments.seed),
+                "long": lambda: long_clip(arguments.hours, arguments.fps)}  # fmt: skip
+        for name in [arguments.only] if arguments.only else ("bad", "faults"):
+            section = make[name]().replace(str(ROOT), ".")
+            write_bytes(REPORT, with_section(REPORT.read_text(encoding="utf-8"), section).encode())
+            sys.stdout.write(section)

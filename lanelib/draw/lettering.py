@@ -156,10 +156,11 @@ def stamp(picture: np.ndarray, mask: np.ndarray, xy: tuple[int, int], colour) ->
     mask = mask[top : top + room.shape[0], left : left + room.shape[1]]
     if room.size == 0:
         return
-    cover = mask.astype(np.uint16)
-    if picture.ndim == 3:
-        cover = cover[:, :, None]
-    room[...] = (room * (255 - cover) + np.asarray(colour, np.uint16) * cover + 127) // 255
+    cover = (mask if picture.ndim == 2 else cv2.merge([mask] * picture.shape[2])).astype(np.uint16)
+    mixed = room * (255 - cover) + np.asarray(colour, np.uint16) * cover
+    mixed += np.uint16(128)  # (m + 128 + (m + 128 >> 8)) >> 8 is m / 255 rounded, exactly, up to 255 * 255
+    mixed += mixed >> 8
+    room[...] = mixed >> 8
 
 
 def put_text(

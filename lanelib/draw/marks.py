@@ -161,6 +161,9 @@ def draw_windows(view: np.ndarray, found, *, left: str = "left line", right: str
     return picture
 
 
+SMALLEST_RINGS_PX = 14.0  # between corners; on smaller boards (a contact sheet) rings would hide the squares
+
+
 def draw_corners(picture: np.ndarray, corners_xy, board_wh: tuple[int, int]) -> np.ndarray:
     """Chessboard corners in the order they were found: (N, 2), or (N, 1, 2), row by row of ``board_wh``
     (columns, rows) inner corners. Each row has a colour, the first corner a ring; fewer corners than the board
@@ -176,7 +179,7 @@ def draw_corners(picture: np.ndarray, corners_xy, board_wh: tuple[int, int]) -> 
     for i, row in enumerate(grid):
         colour = bgr(SERIES[i % len(SERIES)])
         line_in_place(picture, row, colour, 0.4 * radius)
-        for x, y in row:
+        for x, y in row if spacing >= SMALLEST_RINGS_PX else ():
             ring_in_place(picture, (x, y), colour, radius)
     cv2.circle(
         picture,

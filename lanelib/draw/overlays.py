@@ -24,6 +24,7 @@ PALE = (214, 214, 214)
 LINE_WIDTH = 0.026  # of the lane's width at the same place: 0.10 m of 3.66 m, as wide as the narrowest paint
 FADE = 0.35  # the upper part of the lane over which the area fades out and the lines taper: farther away less is known
 LINE_FADE = 0.14  # the same for the lines
+NEIGHBOUR_WIDTH = 0.6  # of the ego lane's lines: they are not what is driven by
 CARD_OPACITY = 0.66  # white letters keep a contrast of 6:1 even over white (4.5:1 is asked for: WCAG 2.1, 1.4.3)
 DASH, PAUSE = 3, 2  # points of a line that is held
 
@@ -31,10 +32,10 @@ DASH, PAUSE = 3, 2  # points of a line that is held
 def overlay(frame_bgr: np.ndarray, result, *, text: bool = True) -> np.ndarray:
     """The frame (H, W, 3) uint8 BGR with the lane drawn on it, as a new picture of the same size.
 
-    Green lane area, left line red, right line blue; with ``text`` a read-out in the upper left corner: radius
-    of curvature, offset from the lane's centre, lane width, and how far to trust them. A lane held from frames
-    before is paler and dashed. Grey and four-channel frames are taken too. Raises LanelibError where the result
-    belongs to a frame of another size.
+    Green lane area, left line red, right line blue, far boundaries of neighbouring lanes thin and purple; with
+    ``text`` a read-out in the upper left corner: radius of curvature, offset from the lane's centre, lane width, and
+    how far to trust them. A lane held from frames before is paler and dashed. Grey and four-channel frames are taken
+    too. Raises LanelibError where the result belongs to a frame of another size.
     """
     picture = as_bgr(frame_bgr)
     picture = picture.copy() if picture is frame_bgr or np.shares_memory(picture, frame_bgr) else picture
@@ -62,6 +63,7 @@ def draw_overlay(canvas: Canvas, result, *, text: bool = True) -> None:
                 "draw it on the frame it was found in"
             )
         draw_lane(canvas, result.left_px, result.right_px, held=result.status == "held")
+        draw_neighbours(canvas, result)
     if text:
         card = read_out(result, canvas.size_wh)
         if card is not None:
@@ -94,6 +96,21 @@ def draw_lane(canvas: Canvas, left_px: np.ndarray, right_px: np.ndarray, *, held
         pieces = [(i, min(i + DASH, last)) for i in range(0, last, DASH + PAUSE)] if held else [(0, last)]
         ribbons = [ribbon(line[a : b + 1], wide[a : b + 1]) for a, b in pieces]
         canvas.fill(ribbons, colour, fade_rows=(top, top + LINE_FADE * (bottom - top)))
+
+
+def draw_neighbours(canvas: Canvas, result) -> None:
+    """The far boundaries of a result's neighbouring lanes."""
+    left, right = (_finite(p) for p in (result.left_px, result.right_px))
+    n = min(len(left), len(right))
+    if n < 2:
+        return
+    width, rows = np.hypot(*(right[:n] - left[:n]).T), (left[:n, 1] + right[:n, 1]) / 2
+    for neighbour in getattr(result, "neighbours", ()):
+        line = _finite(neighbour.points_px)
+        if len(line) > 1:
+            line = line[np.linspace(0, len(line) - 1, min(len(line), 16)).astype(int)]  # short pieces look ragged
+            wide = NEIGHBOUR_WIDTH * LINE_WIDTH * np.interp(line[:, 1], rows[::-1], width[::-1])
+            canvas.fill([ribbon(line, np.maximum(wide, 0.0012 * canvas.size_wh[0]))], bgr("neighbour"))
 
 
 def _finite(line_px) -> np.ndarray:

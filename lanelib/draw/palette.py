@@ -25,7 +25,7 @@ PALETTE = {
     "measured": GREEN, "held": ORANGE, "none": VERMILLION,
     "window": ORANGE, "region": SKY, "paint": YELLOW, "accent": SKY, "other": PURPLE, "trapezoid": VERMILLION,
     # the classic overlay
-    "lane area": "#12d66a", "left line": "#ff3b30", "right line": "#2f7bff",
+    "lane area": "#12d66a", "left line": "#ff3b30", "right line": "#2f7bff", "neighbour": PURPLE,
     # panels: a dark desk on which pictures lie
     "desk": "#14181d", "card": "#0b0e12", "rule": "#3a424c", "track": "#5b6672",
     "title": "#e8ecf1", "text": "#ffffff", "label": "#a7b1bd",

@@ -182,6 +182,6 @@ def curves(
         xscale="log" if logx else "linear",
         yscale="log" if logy else "linear",
     )
-    if len(series) > 1:
-        a.legend()
+    if len(series) > 1:  # outside, so that it hides no curve
+        figure.legend(*a.get_legend_handles_labels(), loc="outside upper right", ncols=min(len(series), 5))
     return figure

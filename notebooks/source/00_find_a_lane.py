@@ -357,16 +357,16 @@ exercises.check_seconds_to_line(seconds_to_line)
 # %% [markdown]
 # ## The map of the course
 #
-# | notebook | what you make | minutes |
+# | notebook | what you make | minutes with exercises |
 # |---|---|---|
 # | **00 Find a lane in ten minutes** | this one | 20 |
-# | [01 Calibrate the camera](01_calibrate_the_camera.ipynb) | a calibration, compared with the true camera | 45 |
-# | [02 Threshold](02_threshold.ipynb) | a mask of paint, with its precision and recall | 45 |
-# | [03 Warp to a bird's-eye view](03_warp_to_a_birds_eye_view.ipynb) | metres from pixels, derived rather than believed | 45 |
-# | [04 Detect the lane](04_detect_the_lane.ipynb) | two lines, curvature and offset, and how sure they are | 60 |
-# | [05 Process video](05_process_video.ipynb) | a lane over time that forgets at the right moment | 45 |
-# | [06 Measure how good it is](06_measure_how_good_it_is.ipynb) | an error budget in centimetres, and the failures | 45 |
-# | [07 Make it real-time](07_make_it_real_time.ipynb) | the same lane, many times faster | 45 |
+# | [01 Calibrate the camera](01_calibrate_the_camera.ipynb) | a calibration, compared with the true camera | 60 |
+# | [02 Threshold](02_threshold.ipynb) | a mask of paint, with its precision and recall | 60 |
+# | [03 Warp to a bird's-eye view](03_warp_to_a_birds_eye_view.ipynb) | metres from pixels, derived rather than believed | 70 |
+# | [04 Detect the lane](04_detect_the_lane.ipynb) | two lines, curvature and offset, and how sure they are | 80 |
+# | [05 Process video](05_process_video.ipynb) | a lane over time that forgets at the right moment | 60 |
+# | [06 Measure how good it is](06_measure_how_good_it_is.ipynb) | an error budget in centimetres, and the failures | 50 |
+# | [07 Make it real-time](07_make_it_real_time.ipynb) | the same lane, many times faster | 40 |
 # | [08 Use your own camera](08_use_your_own_camera.ipynb) | your lane | 60 |
 #
 # Each runs alone, and in any order; 01 to 05 follow the pipeline. The exercises are open in the folder `learner` and

@@ -494,8 +494,9 @@ n04.checks(outcome)
 # - **width**: 2.6 to 4.6 m, from narrow town lanes to wide ramps. Two lanes taken for one fail here, a path, too.
 # - **parallel**: the width changes by less than 0.6 m in 20 m. Look at the row "nose down": *both lines are right*, and
 #   only the tilt of the camera makes them diverge. A check that throws a good frame away is half a cure; remember it.
-# - **same bend**: the two curvatures differ by less than 0.004 1/m, which is much: R 250 m and straight still pass. Two
-#   dashes cannot do better.
+# - **same bend**: both lines say of the lane's *centre* the same curvature, to 0.004 1/m. (Parallel lines bend differently:
+#   in a hairpin of R 27 m the inner one has R 25 m, the outer one 29 m.) That is much: R 250 m and straight still pass.
+#   Two dashes cannot do better.
 # - **radius**: no car drives a bend below 15 m at speed.
 # - **no jump**: within one frame of 40 ms no line moves by half a metre; 1.5 m/s sideways is 6 cm a frame.
 #

@@ -16,7 +16,7 @@
 # **What you need:** notebook 00. For your own run: a printer, something flat to glue on, a camera with fixed focus and
 # zoom, a few minutes of straight, marked road. **The passenger films, not the driver.**
 #
-# **Minutes:** 20 to read and run, an afternoon with your own camera.
+# **Minutes:** 20 to read and run, 60 with the exercises, an afternoon with your own camera.
 
 # %%
 try:

@@ -52,7 +52,9 @@ class Panel:
             self.page.keyboard.press(key)
 
     def choose(self, name: str, option: str):
-        self.control(name).locator("select").select_option(label=option)
+        select = self.control(name).locator("select")
+        texts = [text.replace("\N{NO-BREAK SPACE}", " ") for text in select.locator("option").all_text_contents()]
+        select.select_option(index=texts.index(option))  # by label, older versions of Playwright want the same spaces
 
     def click(self, name: str):
         self.box.locator("button", has_text=re.compile(f"^{name}$")).click()

@@ -1,0 +1,57 @@
+"""Unfinished files: a file being written has a hidden name of its own, and gets its final name only when it is whole.
+
+The hidden name holds the number of the process that writes. So two runs never write into each other's file, and what a
+killed run has left behind can be told from what another one is writing: the next run that writes the same file takes
+it away.
+"""
+
+import os
+import re
+from contextlib import suppress
+from pathlib import Path
+
+NAME_BYTES = 200  # of the final name at most: with dot, number and ending it stays below the 255 that systems allow
+
+
+def part_of(final: Path, *, suffix: str = ".part") -> Path:
+    """Where this process writes what will be `final`: `.NAME.PID.part`, in the same folder."""
+    return final.with_name(f"{prefix_of(final)}{suffix.removeprefix('.')}")
+
+
+def prefix_of(final: Path) -> str:
+    """How the names of this process's unfinished files for `final` begin."""
+    return f".{_short(final)}.{os.getpid()}."
+
+
+def remove_abandoned(final: Path) -> None:
+    """Remove unfinished files for `final` whose process is no more (it was killed, or the power went).
+
+    Only names that `part_of` (or `tempfile` with `prefix_of`) gives, and only where the whole final name is in them.
+    Never raises: what cannot be removed stays.
+    """
+    name = _short(final)
+    if name != final.name:  # cut off: it may stand for another file, too
+        return
+    own = re.compile(re.escape(f".{name}.") + r"(\d+)\.([a-z0-9_]{8}\.)?part(\.\w+)?")
+    with suppress(OSError):
+        for entry in os.scandir(final.parent):
+            if (match := own.fullmatch(entry.name)) and not _is_running(int(match[1])):
+                with suppress(OSError):
+                    os.unlink(entry.path)
+
+
+def _short(final: Path) -> str:
+    return os.fsencode(final.name)[:NAME_BYTES].decode("utf-8", "ignore")
+
+
+def _is_running(process: int) -> bool:
+    """Whether there is a process of this number; on Windows a file that somebody writes cannot be removed anyway."""
+    if os.name == "nt":
+        return False
+    try:
+        os.kill(process, 0)  # signal 0 only asks
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True
+    return True
