@@ -214,6 +214,19 @@ def test_a_line_without_a_covariance_has_no_standard_deviation():
     np.testing.assert_allclose(Line([0, 0, 1], covariance=covariance).std_x_m([0.0, 4.0]), [0.03, 0.05])
 
 
+@pytest.mark.parametrize("coefficients", [[0.012, 0.55, 1.0], [-0.02, -0.4, -2.0], [3e-4, 0.004, 0.6, 1.0]])
+def test_curvature_is_the_turn_of_the_tangent_per_metre_of_road(coefficients):
+    """The definition, by differences of the tangent's angle over the arc's length, where the line runs far from straight
+    ahead: there the exponent 3/2 matters."""
+    line, at, h = Line(coefficients), np.array([2.0, 9.0, 20.0]), 1e-4
+    x = lambda y: np.polyval(coefficients, y)  # noqa: E731
+    angle = lambda y: np.arctan((x(y + h) - x(y - h)) / (2 * h))  # noqa: E731
+    arc = np.hypot(2 * h, x(at + h) - x(at - h))
+    expected = -(angle(at + h) - angle(at - h)) / arc  # positive to the left, as x grows to the right
+    np.testing.assert_allclose(line.curvature_1pm(at), expected, rtol=1e-4)
+    assert np.abs(line.slope(at)).max() > 0.7
+
+
 # ---------------------------------------------------------------------------------------------- checks
 BROKEN = {
     "order": Lane(Line([0, 0, 1.8], (4, 30)), Line([0, 0, -1.8], (4, 30))),
