@@ -58,7 +58,11 @@ if len(sys.argv) > 1 and sys.argv[1] == "fetch":  # another list of files, and n
     fetch._path_in_repository = lambda path: path
 from lanelib import cli
 was = cli._on_sigterm
-cli._on_sigterm = lambda handler: (was(handler), os.write(1, b"."))[0]  # what main does first
+def on_sigterm(handler):  # what main does first, and last
+    old = was(handler)
+    os.write(1, b"." if handler is cli._terminate else b"main has ended")
+    return old
+cli._on_sigterm = on_sigterm
 sys.exit(program.main())
 """
 
@@ -155,12 +159,13 @@ def interrupt(name: str, number: signal.Signals, after_s: float, place: Path, se
     if not late:
         process.send_signal(number)
     try:
-        err = process.communicate(timeout=60)[1]
+        out, err = process.communicate(timeout=60)
     except subprocess.TimeoutExpired:
         process.kill()
-        err = f"did not end within 60 s; {process.communicate()[1]}"
-    # -2 without a word: main() had ended well, and the signal hit Python's own last breath.
-    late = late or process.returncode == 0 or (process.returncode == -signal.SIGINT and not err)
+        out, err = process.communicate()
+        err = f"did not end within 60 s; {err}"
+    # main() had ended well, and the signal hit Python's own last breath
+    late = late or process.returncode == 0 or (process.returncode == -number and "main has ended" in out)
     found.injected += not late
     lines = err.splitlines()
     good = all(line.startswith("lanelib: ") for line in lines)

@@ -306,7 +306,7 @@ notebook.say(f"A lane in {len(pairs)} of {len(rows)} frames; the offset is off b
 
 # %% [markdown]
 # Two things to see. The offset follows the truth to a few centimetres, and smoothly: nothing in a car moves sideways in a
-# jump. And the curvature found runs *ahead* of the true one, into the bend and out of it: you know why by now.
+# jump. And the curvature found runs *ahead* of the true one, which is that of the road at the car: you know why by now.
 #
 # ## Bend a road yourself
 #
