@@ -216,7 +216,7 @@ def test_a_line_without_a_covariance_has_no_standard_deviation():
 
 @pytest.mark.parametrize("coefficients", [[0.012, 0.55, 1.0], [-0.02, -0.4, -2.0], [3e-4, 0.004, 0.6, 1.0]])
 def test_curvature_is_the_turn_of_the_tangent_per_metre_of_road(coefficients):
-    """The definition, by differences of the tangent's angle over the arc's length, where the line runs far from straight
+    """The definition, by differences of the tangent's angle over the arc, where the line runs far from straight
     ahead: there the exponent 3/2 matters."""
     line, at, h = Line(coefficients), np.array([2.0, 9.0, 20.0]), 1e-4
     x = lambda y: np.polyval(coefficients, y)  # noqa: E731
