@@ -22,7 +22,10 @@ from lanelib.simulator import render_road
 from lanelib.threshold import RECIPES, scale_to_255, sobel
 
 # The picture's own pixels: a picture has a blob's address, comparing addresses proves nothing.
-PIXELS = """async e => { await e.decode(); const c = document.createElement('canvas'); c.width = 192; c.height = 108;
+# decode() fails when the picture is replaced while it is decoded: then the next one is waited for
+PIXELS = """async e => { for (let tries = 0; ; tries++) { try { await e.decode(); break; } catch (fault) {
+    if (tries > 50) throw fault; await new Promise(r => setTimeout(r, 20)); } }
+    const c = document.createElement('canvas'); c.width = 192; c.height = 108;
   const g = c.getContext('2d'); g.drawImage(e, 0, 0, 192, 108);
   return Array.from(g.getImageData(0, 0, 192, 108).data).reduce((a, b) => (a * 31 + b) >>> 0, 7); }"""
 
