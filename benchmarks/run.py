@@ -34,7 +34,7 @@ from lanelib.evaluate import table
 from lanelib.finder import LaneFinder
 from lanelib.hypotheses import hypotheses
 from lanelib.lane import check_lane
-from lanelib.paint import evidence_of, paint_channels, paint_channels_yuv, paint_points
+from lanelib.paint import evidence_of, paint_points
 from lanelib.pictures import read_image, write_bytes
 from lanelib.result import line_at_rows
 from lanelib.rig import SCAN_COLUMN_M, Rig
@@ -57,17 +57,17 @@ def stage_costs(rig: Rig, stills: list[np.ndarray], rounds: int) -> tuple[dict[s
     view = finder.view(rig.size_wh)
     ready = []
     for frame in stills:
-        scan = view.scan(frame)
-        z, picture = evidence_of(*paint_channels(scan), column_m=SCAN_COLUMN_M)
+        channels = view.paint_channels(frame)
+        z, picture = evidence_of(*channels, column_m=SCAN_COLUMN_M)
         points = view.points(paint_points(z))
         starts = hypotheses(points)
         result = finder.process(frame)
         mask = finder.recipe.function(rig.camera.undistort(frame))
         above = view.metric.warp(mask)
         pixels = windows.find_pixels(above, view.metric.grid)
-        ready.append(dict(frame=frame, yuv=yuv420(frame), scan=scan, z=z, points=points, starts=starts, result=result,
-                          undistorted=rig.camera.undistort(frame), mask=mask, above=above, pixels=pixels,
-                          canvas=frame.copy(), canvas_yuv=yuv420(frame), planes=view.scan_yuv420(yuv420(frame))))
+        ready.append(dict(frame=frame, yuv=yuv420(frame), channels=channels, z=z, points=points, starts=starts,
+                          result=result, undistorted=rig.camera.undistort(frame), mask=mask, above=above, pixels=pixels,
+                          canvas=frame.copy(), canvas_yuv=yuv420(frame)))
     ready = [r for r in ready if r["result"].fit is not None]
 
     step = np.diag(np.square([0.1, 0.02, 8e-4, 1e-6, 0.03, 0.004, 6e-5]))
@@ -87,13 +87,12 @@ def stage_costs(rig: Rig, stills: list[np.ndarray], rounds: int) -> tuple[dict[s
         return draw.overlay_yuv420(r["canvas_yuv"], r["result"])
 
     own = {
-        "scan, BGR frame": lambda r: view.scan(r["frame"]),
-        "scan, YUV planes": lambda r: view.scan_yuv420(r["yuv"]),
-        "evidence, BGR": lambda r: evidence_of(*paint_channels(r["scan"]), column_m=SCAN_COLUMN_M),
-        "evidence, YUV": lambda r: evidence_of(*paint_channels_yuv(*r["planes"]), column_m=SCAN_COLUMN_M),
+        "warp to brightness and yellow, BGR frame": lambda r: view.paint_channels(r["frame"]),
+        "warp to brightness and yellow, YUV planes": lambda r: view.paint_channels(r["yuv"]),
+        "evidence": lambda r: evidence_of(*r["channels"], column_m=SCAN_COLUMN_M),
         "points": lambda r: view.points(paint_points(r["z"])),
         "hypotheses (fresh search)": lambda r: hypotheses(r["points"]),
-        "fits (fresh search)": lambda r: [jointfit.fit(r["points"], start) for start in r["starts"]],
+        "fits (fresh search)": lambda r: jointfit.fits(r["points"], r["starts"]),
         "fit (tracking)": track,
         "lines in metres, checked": metres,
         "lines in pixels (on demand)": lambda r: view.lines_px(r["result"].lane),

@@ -257,7 +257,7 @@ def perfect_points(view: View, truth: Mapping) -> Points:
 def perfect_lane(view: View, truth: Mapping) -> Lane | None:
     """The joint fit of `perfect_points`: what is left is the fit's own error. None where no lane comes of them."""
     points = perfect_points(view, truth)
-    fits = [jointfit.fit(points, start) for start in hypotheses(points)]
+    fits = jointfit.fits(points, hypotheses(points))
     best = max(fits, key=lambda f: f.energy, default=None)
     return None if best is None else view.lane(best)
 
@@ -326,7 +326,7 @@ def lane_in_view(view: View, frame_bgr: np.ndarray) -> Lane | None:
     z, _ = evidence_of(*paint_channels(view.scan(frame_bgr)), column_m=view.grid.column_m)
     points = view.points(paint_points(z))
     points = replace(points, weight=points.weight * SCAN_ROWS / points.n_rows)
-    fits = [jointfit.fit(points, start) for start in hypotheses(points)]
+    fits = jointfit.fits(points, hypotheses(points))
     best = max(fits, key=lambda f: f.energy, default=None)
     return None if best is None else view.lane(best)
 

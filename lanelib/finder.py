@@ -25,7 +25,7 @@ from lanelib.hypotheses import hypotheses
 from lanelib.jointfit import JointFit, Points
 from lanelib.lane import Check, Lane, check_lane
 from lanelib.neighbours import MOST_LANES, find_neighbours
-from lanelib.paint import evidence_of, paint_channels, paint_channels_yuv, paint_points
+from lanelib.paint import evidence_of, paint_points
 from lanelib.result import LaneResult, line_at_rows
 from lanelib.rig import SCAN_COLUMN_M, Rig, View
 from lanelib.tracking import LaneTracker
@@ -141,9 +141,7 @@ class LaneFinder:
         """Paint points of a frame (BGR, or YUV420p where 2-D), in the finder's or the textbook order, and the (H, W)
         uint8 picture in which they were seen."""
         if self.order == "finder":
-            yuv = frame.ndim == 2
-            channels = paint_channels_yuv(*view.scan_yuv420(frame)) if yuv else paint_channels(view.scan(frame))
-            z, picture = evidence_of(*channels, column_m=SCAN_COLUMN_M)
+            z, picture = evidence_of(*view.paint_channels(frame), column_m=SCAN_COLUMN_M)
             return view.points(paint_points(z)), picture
         mask = view.scan_undistorted(self.mask(frame, view))
         return view.points_of_mask(mask), mask
@@ -160,21 +158,23 @@ class LaneFinder:
 
     def _measure_joint(self, frame: np.ndarray, view: View):
         """A fit that passes every test, or None; why not; the checks."""
-        points, picture = self.points(frame, view)
         if self.track and self.tracker.fit is not None:
-            return self._track(points, picture, view)
-        return self._search(points, picture, view)
+            return self._track(frame, view)
+        return self._search(frame, view)
 
-    def _search(self, points: Points, picture: np.ndarray, view: View):
+    def _search(self, frame: np.ndarray, view: View):
         """The best lane anywhere, as before the first frame."""
+        points, picture = self.points(frame, view)
         prior = self.tracker.background
-        fits = [jointfit.fit(points, start, prior=prior) for start in hypotheses(points, prior=prior)]
+        fits = jointfit.fits(points, hypotheses(points, prior=prior), prior=prior)
         best = max((f for f in fits if jointfit.holds_car(f.mean)), key=lambda f: f.energy, default=None)
         return self._judge(best and replace(best, inward_m=inward(best, picture, view.grid)), view)
 
-    def _track(self, points: Points, picture: np.ndarray, view: View):
+    def _track(self, frame: np.ndarray, view: View):
         """The lane near where the last one was; in doubt, a fresh search challenges it."""
         prediction = self.tracker.predict()
+        around = view.around(prediction.mean)
+        points, picture = self.points(frame, around)
         near = jointfit.nearby(points, prediction.mean, gate=2 * jointfit.TRACK_GATES[0])
         fit = jointfit.fit(
             near,
@@ -184,9 +184,10 @@ class LaneFinder:
             reach_m=jointfit.SEARCH_REACH_M[-1:],
         )
         known = self.tracker.known_inward()
-        tracked = self._judge(replace(fit, inward_m=inward(fit, picture, view.grid) if known is None else known), view)
+        fit = replace(fit, inward_m=inward(fit, picture, around.grid) if known is None else known)
+        tracked = self._judge(fit, view)
         if self.tracker.is_in_doubt(fit, lost=tracked[0] is None):
-            fresh = self._search(points, picture, view)
+            fresh = self._search(frame, view)
             if self.tracker.is_outdone(fit, fresh[0], lost=tracked[0] is None):
                 return fresh
         return tracked
@@ -232,7 +233,7 @@ class LaneFinder:
         status, trust = ("measured" if fit is not None else "none"), 1.0
         if self.track:
             status = self.tracker.update(fit, reason).status
-            fit, trust = self.tracker.fit, 1 - self.tracker.missed / (self.tracker.hold_frames + 1)
+            fit, trust = self.tracker.shown, 1 - self.tracker.missed / (self.tracker.hold_frames + 1)
         if fit is None:
             spent = milliseconds_since(begin)
             return LaneResult(None, "none", reason, 0.0, checks, size_wh=view.rig.size_wh, milliseconds=spent)

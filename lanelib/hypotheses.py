@@ -37,6 +37,7 @@ GROUPS = 11  # the bends vote in so many groups: their arrays then stay in the p
 LEAST_WEIGHT, MOST_VOTERS = 0.1, 110  # the strongest points decide; more of them cost time and change nothing
 PARTNERS = 4  # a dash of our lane, of the next one, a speck: with few points the best of them is not always ours
 WIDTHS_PITCHES = np.array([(w, np.deg2rad(p)) for w in np.arange(2.6, 4.65, 0.1) for p in np.arange(-2.4, 2.41, 0.3)])
+ALIKE = np.abs(WIDTHS_PITCHES[:, None] - WIDTHS_PITCHES) @ (1, 40) <= 0.5  # which of them would lead to the same fit
 
 
 def votes(points: Points) -> np.ndarray:
@@ -98,47 +99,55 @@ def refined_lines(points: Points, lines: np.ndarray) -> np.ndarray:
     return lines
 
 
-def partner(points: Points, line: np.ndarray, prior: Prior) -> list[tuple[float, np.ndarray]]:
-    """Lanes with ``line`` as one boundary: where is more paint, parallel to it? (energy, mean (7,)) of the best ones
-    and of a lane of the usual width with no paint on its other side.
+def partners(points: Points, lines: np.ndarray, prior: Prior) -> tuple[np.ndarray, np.ndarray]:
+    """Lanes with one of ``lines`` (M, 4) as boundary: where is more paint, parallel to it? Energies (K,) and means
+    (K, 7) of the best ones of each line and of lanes of the usual width with no paint on their other side.
 
     Over all widths and pitches U - U_line = -side width (q + pitch / height) sqrt(1 + slope^2).
     """
-    d, a, b, c = line
-    side = 1.0 if c > 0 else -1.0
-    q, sigma = points.inverse, points.std
-    off = points.bearing - line @ np.stack([q**-2, 1 / q, np.ones_like(q), q])
-    own = float(points.weight @ np.maximum(1 - np.square(off / (4 * sigma)), 0))
-    apart = -side * off / np.sqrt(1 + np.square(b + 2 * a / q + 3 * d / q**2))
-    use = np.flatnonzero((apart > 1.5 * q) & (apart < 6 * q) & (q > 1 / FARTHEST_M))
-    q, apart, scale, weight = q[use], apart[use], 1 / (4 * sigma[use]), points.weight[use]
+    d, a, b, c = lines.T
+    side = np.where(c > 0, 1.0, -1.0)
+    q, scale = points.inverse, 1 / (4 * points.std)
+    y = 1 / q
+    off = points.bearing - lines @ np.stack([y * y, y, np.ones_like(q), q])
+    own = np.maximum(1 - np.square(off * scale), 0) @ points.weight
+    slope = b[:, None] + y * (2 * a[:, None] + 3 * d[:, None] * y)
+    apart = -side[:, None] * off / np.sqrt(1 + slope * slope)
+    usable = (apart > 1.5 * q) & (apart < 6 * q) & (q > 1 / FARTHEST_M)
     width, pitch = WIDTHS_PITCHES.T
     # z = (apart - width (q + pitch / height)) / (4 sigma), for all widths and pitches (rows) and points (columns)
-    factors = np.column_stack([np.ones_like(width), -width, -width * pitch / points.height_m])
-    z = factors.astype(np.float32) @ (np.stack([apart, q, np.ones_like(q)]) * scale).astype(np.float32)
-    np.multiply(z, z, out=z)
-    np.maximum(np.subtract(1, z, out=z), 0, out=z)
-    other = z @ weight.astype(np.float32)
-    energy = paint_value(own) + paint_value(other)
-    for value, i in ((width, WIDTH), (pitch, PITCH), (c - side * width / 2, CENTRE)):
-        energy = energy - 0.5 * np.square(value - prior.mean[i]) / prior.covariance[i, i]
-    pairs = []
+    factors = np.column_stack([np.ones_like(width), -width, -width * pitch / points.height_m]).astype(np.float32)
+    terms = (np.stack([apart, np.broadcast_to(q, apart.shape), np.ones_like(apart)]) * scale).astype(np.float32)
+    weight = points.weight.astype(np.float32)
+    other = np.empty((len(lines), len(width)), np.float32)
+    for i in range(len(lines)):
+        z = factors @ terms[:, i, usable[i]]
+        np.multiply(z, z, out=z)
+        np.maximum(np.subtract(1, z, out=z), 0, out=z)
+        np.matmul(z, weight[usable[i]], out=other[i])
+    centre = c[:, None] - side[:, None] * width / 2
+    energy = paint_value(own)[:, None] + paint_value(other)
+    for value, i in ((width, WIDTH), (pitch, PITCH), (centre, CENTRE)):
+        energy -= 0.5 * np.square(value - prior.mean[i]) / prior.covariance[i, i]
+    every, found = np.arange(len(lines)), [(paint_value(own), prior.mean[WIDTH] + 0 * c, prior.mean[PITCH] + 0 * c)]
     for _ in range(PARTNERS):
-        best = int(np.argmax(energy))
-        pairs.append((energy[best], width[best], pitch[best]))
-        energy = np.where(np.abs(width - width[best]) + 40 * np.abs(pitch - pitch[best]) > 0.5, energy, -np.inf)
-    pairs.append((paint_value(own), prior.mean[WIDTH], prior.mean[PITCH]))
-    h = points.height_m
-    return [(float(e), np.array([c - side * w / 2, b - c * p / h, a, d, w, p, 0.0])) for e, w, p in pairs]
+        best = energy.argmax(axis=1)
+        found.append((energy[every, best], width[best], pitch[best]))
+        for i, lane in enumerate(best):
+            energy[i, ALIKE[lane]] = -np.inf
+    energy, width, pitch = np.hstack(found)
+    a, b, c, d, side = (np.tile(of_line, len(found)) for of_line in (a, b, c, d, side))
+    centre, heading = c - side * width / 2, b - c * pitch / points.height_m
+    return energy, np.column_stack([centre, heading, a, d, width, pitch, np.zeros_like(c)])
 
 
 def hypotheses(points: Points, *, prior: Prior = UNKNOWN_ROAD, count: int = 3) -> list[np.ndarray]:
     """The ``count`` most promising different lanes around the car, as means (7,), best first."""
     if len(points) < 4:
         return []
-    lanes = [lane for line in single_lines(points) for lane in partner(points, line, prior)]
-    lanes.sort(key=lambda lane: -lane[0])
-    means = np.array([mean for _, mean in lanes if holds_car(mean)]).reshape(-1, 7)
+    energy, means = partners(points, single_lines(points), prior)
+    means = means[np.argsort(-energy, kind="stable")]
+    means = means[holds_car(means)]
     places = landmarks(means)
     found: list[int] = []
     for i in range(len(means)):

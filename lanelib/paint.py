@@ -87,15 +87,18 @@ def ridge_response(channel: np.ndarray, *, column_m: float = 0.05) -> np.ndarray
     return z
 
 
-def paint_channels_yuv(luma: np.ndarray, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same from the planes of a video frame (limited range, ITU-R BT.601), each (H, W) uint8, without a colour
-    picture:
+def brightness_of_luma(luma: np.ndarray) -> np.ndarray:
+    """The same brightness from the Y plane (H, W) uint8 of a video frame (limited range, ITU-R BT.601)."""
+    return cv2.addWeighted(luma, 1.164, luma, 0, -1.164 * 16)
+
+
+def yellow_of_uv(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """The same yellowness from the planes U and V, each (H, W) uint8.
 
     R = Y + 1.402 V, G = Y - 0.344 U - 0.714 V, B = Y + 1.772 U give (R + G) / 2 - B = 0.344 V - 1.944 U, here times
     255 / 224.
     """
-    yellow = cv2.addWeighted(v, 0.392, u, -2.213, (2.213 - 0.392) * 128)
-    return cv2.addWeighted(luma, 1.164, luma, 0, -1.164 * 16), yellow
+    return cv2.addWeighted(v, 0.392, u, -2.213, (2.213 - 0.392) * 128)
 
 
 def paint_evidence(view_bgr: np.ndarray, *, column_m: float = 0.05) -> tuple[np.ndarray, np.ndarray]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -19,9 +20,9 @@ import numpy as np
 from lanelib.birdseye import BirdsEye, Grid
 from lanelib.camera import Camera
 from lanelib.errors import LanelibError
-from lanelib.jointfit import JointFit, Points
+from lanelib.jointfit import SIDES, JointFit, Points, distance, line_x
 from lanelib.lane import Lane
-from lanelib.paint import PaintPoints, paint_points
+from lanelib.paint import PaintPoints, brightness_of_luma, paint_channels, paint_points, yellow_of_uv
 from lanelib.pictures import read_text, write_bytes
 
 RIG_FORMAT = "lanelib-rig/1"
@@ -30,6 +31,10 @@ FAR_ROW_M = 10.0  # the farthest scan row is where one pixel of a 1280-wide fram
 # Lines are reported to 2.5 times the distance of the last paint, three fifths of the way that is left to the horizon in
 # the picture, and no farther than 250 m: beyond, a pixel row of a 1280-wide frame covers 40 m of road.
 EXTEND, FARTHEST_M = 2.5, 250.0
+# While a lane is tracked, only the columns around it are looked at: so far to the sides that the texture beside its
+# lines is the same as in the whole view; in steps of columns, so that few different tables are ever made.
+AROUND_M, AROUND_STEP = 3.0, 20
+AROUND_Y_M = np.array([5.0, 10.0, 20.0, 35.0, 60.0])
 
 
 @dataclass(frozen=True)
@@ -128,6 +133,7 @@ class View:
     def __init__(self, rig: Rig):
         self.rig, self.grid = rig, rig.scan_grid
         self._last: tuple[JointFit, Lane] | None = None
+        self._around: dict[tuple[int, int], View] = {}
         self._table = rig.birdseye.table(rig.camera, self.grid)
         self._inverse_y = 1 / self.grid.y_m
         self.height_m = rig.mounting["height_m"]
@@ -151,23 +157,55 @@ class View:
         """The small bird's-eye view of a frame as given."""
         return cv2.remap(frame, *self._table, cv2.INTER_LINEAR)
 
-    def scan_yuv420(self, frame_yuv: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The planes of the small bird's-eye view, each (H, W) uint8, of a YUV420p frame (height * 3 / 2, width)."""
+    def paint_channels(self, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Brightness and yellowness, each (H, W) uint8, of the small bird's-eye view of a frame as given: BGR, or
+        YUV420p where 2-D."""
+        return self._paint_channels_yuv420(frame) if frame.ndim == 2 else paint_channels(self.scan(frame))
+
+    def _paint_channels_yuv420(self, frame_yuv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The planes' part below the horizon makes one plane of yellow, and that is warped: one look-up less."""
         width, height = self.rig.size_wh
-        half = (height // 2, width // 2)
         luma = cv2.remap(frame_yuv[:height], *self._table, cv2.INTER_LINEAR)
-        u, v = frame_yuv[height:].reshape(2, *half)
-        return luma, *(cv2.remap(plane, *self._half_table, cv2.INTER_LINEAR) for plane in (u, v))
+        first, half_table = self._half_table
+        u, v = frame_yuv[height:].reshape(2, height // 2, width // 2)[:, first:]
+        return brightness_of_luma(luma), cv2.remap(yellow_of_uv(u, v), *half_table, cv2.INTER_LINEAR)
 
     @cached_property
     def _half_table(self):
-        """The look-up table for planes of half the size (MPEG-2 siting is half a pixel off sideways: 3 mm on the
-        road)."""
-        return self.rig.scaled_loosely(0.5).birdseye.table(self.rig.scaled_loosely(0.5).camera, self.grid)
+        """The first row it needs, and the look-up table from there, for planes of half the size (MPEG-2 siting is half
+        a pixel off sideways: 3 mm on the road)."""
+        half = self.rig.scaled_loosely(0.5)
+        pixels, parts = half.birdseye.table(half.camera, self.grid)
+        rows = pixels[..., 1]
+        first = int(rows[rows >= 0].min(initial=half.size_wh[1] - 1))
+        return first, (pixels - np.array([0, first], np.int16), parts)
 
     def scan_undistorted(self, picture: np.ndarray) -> np.ndarray:
         """The same of an undistorted picture or mask."""
         return cv2.remap(picture, *self._undistorted_table, cv2.INTER_LINEAR)
+
+    def around(self, mean: np.ndarray) -> View:
+        """The same view, but only of the columns around the lane ``mean`` (7,): what tracking needs to look at."""
+        y = distance(1 / AROUND_Y_M, mean, self.height_m)
+        x = line_x(y, mean, SIDES) / y * AROUND_Y_M  # where the lines appear on the rig's flat plane
+        low, high = self.grid.column_of([x.min() - AROUND_M, x.max() + AROUND_M]) / AROUND_STEP
+        low, high = max(math.floor(low), 0) * AROUND_STEP, min(math.ceil(high) * AROUND_STEP, len(self.grid.x_m))
+        if high - low < 2 * AROUND_M / SCAN_COLUMN_M or high - low == len(self.grid.x_m):
+            return self
+        if (low, high) not in self._around:
+            self._around[low, high] = self._columns(slice(low, high))
+        return self._around[low, high]
+
+    def _columns(self, columns: slice) -> View:
+        def part(table):
+            return tuple(np.ascontiguousarray(of_all[:, columns]) for of_all in table)
+
+        view = copy(self)
+        view.grid = Grid(self.grid.x_m[columns], self.grid.y_m)
+        view._table = part(self._table)
+        view._half_table = self._half_table[0], part(self._half_table[1])
+        view._undistorted_table = part(self._undistorted_table)
+        return view
 
     def points(self, paint: PaintPoints) -> Points:
         """Paint points of a scan as the joint fit wants them."""

@@ -23,7 +23,7 @@ from lanelib.jointfit import (
     JointFit,
     distance,
 )
-from lanelib.paint import evidence_of, paint_channels, paint_channels_yuv, paint_points
+from lanelib.paint import brightness_of_luma, evidence_of, paint_channels, paint_points, yellow_of_uv
 from lanelib.rig import View
 
 COLUMN_M = 0.05  # as in the finder's own view
@@ -117,7 +117,7 @@ def paint_of(frame: np.ndarray, road: Straightened, focal_px: float) -> Paint:
         # pixel centres are at integers, in planes of half the size, too
         half = replace(road, map_x=road.map_x / 2 - np.float32(0.25), map_y=road.map_y / 2 - np.float32(0.25))
         planes = (half.picture(p.reshape(height // 2, width // 2)) for p in np.split(frame[height:].reshape(-1), 2))
-        brightness, yellow = paint_channels_yuv(road.picture(frame[:height]), *planes)
+        brightness, yellow = brightness_of_luma(road.picture(frame[:height])), yellow_of_uv(*planes)
     z, _ = evidence_of(brightness, yellow, column_m=COLUMN_M)
     z[~road.inside] = 0
     points = paint_points(z)

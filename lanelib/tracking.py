@@ -6,8 +6,10 @@ The state is the joint fit's seven numbers (see ``jointfit.NAMES``). Four ways o
     average      mean of the last n frames, each weighted with the inverse variance of its own fit
     exponential  s = s + alpha (measured - s)
     kalman       prediction with process noise, then the frame's fit under that prediction as prior (the default:
-    measured in
-                 notebook 05 to have the least error and jitter for the least lag)
+                 measured in notebook 05 to have the least error and jitter for the least lag)
+
+The Kalman filter predicts that centre, heading and bend go on changing as they did, at rates that an alpha-beta filter
+knows; what is shown is that filter's lane, a little calmer than the fits themselves.
 
 A missed frame is an event of its own (``update(None, reason)``): the last good lane is held for a bounded time, then
 forgotten.
@@ -35,11 +37,19 @@ from lanelib.jointfit import (
     rate_std,
 )
 
-# How fast each number changes: standard deviation of a step from frame to frame at 25 frames a second. Centre: 0.8 m/s
-# sideways; heading: 0.17 radians a second; bend: from straight to R 60 m in half a second; rate: by its memory, below;
-# width: 0.4 m/s; pitch: 6 degrees a second over bumps. Twice of these wobble on a motorway, half of them lag on a
-# winding road (notebook 05).
-STEP_STD = np.array([0.033, 0.007, 8e-4, np.nan, 0.015, 0.004, 6e-5])
+# How far each number departs from its prediction: standard deviation of a step from frame to frame at 25 frames a
+# second. Centre: 0.4 m/s sideways; heading: 0.09 radians a second; bend: from straight to R 60 m in a second; rate: by
+# its memory, below; width: 0.2 m/s; pitch: 6 degrees a second over bumps. Twice of these wobble on a motorway, a
+# quarter of them lag on a winding road (notebook 05).
+STEP_STD = np.array([0.016, 0.0035, 4e-4, np.nan, 0.0075, 0.004, 6e-5])
+# The alpha-beta filter has a fading memory: a frame counts 0.7 of the next one (Brookner, Tracking and Kalman Filtering
+# Made Easy, sec. 1.2.6). ALPHA of a surprise is believed at once, and the rates change by BETA of it.
+MEMORY = 0.7
+ALPHA, BETA = 1 - MEMORY**2, (1 - MEMORY) ** 2
+# Which numbers go on changing as they did. Bumps come without warning: pitch and hill are shown as seen.
+DRIFTS = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+LEARNED, LEARNING = [WIDTH, PITCH], 0.02  # of the drive: with a memory of 50 frames
+JUMPS = np.array([0.4, 0.07, 0.01, np.inf, 0.4, np.inf, np.inf])  # a larger surprise is another lane
 # Of the change of curvature from one frame to the next: none and bends that tighten come late, all and they overshoot.
 RATE_MEMORY = 0.8
 CLEAR_ROWS = 5.0  # with so many rows of paint on the weaker line the tracked lane is beyond doubt ...
@@ -68,7 +78,8 @@ class LaneTracker:
     """Follows one lane from frame to frame.
 
     Use: ``prior = tracker.predict()``; fit the frame under it; ``event = tracker.update(fit)`` or
-    ``tracker.update(None, "why")``; the smoothed lane is ``tracker.fit`` (None when there is none).
+    ``tracker.update(None, "why")``; the smoothed lane is ``tracker.shown`` (None when there is none). ``tracker.fit``
+    is what the next prediction starts from.
     """
 
     def __init__(
@@ -85,13 +96,15 @@ class LaneTracker:
         self.smoothing, self.hold_frames, self.alpha = smoothing, hold_frames, alpha
         self.step_std = np.asarray(step_std, float)
         self._history: deque[JointFit] = deque(maxlen=n if smoothing == "average" else 1)
-        self._drive_pitch = 0.0
+        self._learned = UNKNOWN_ROAD.mean[LEARNED]
         self._frames = 0
         self.reset()
 
     def reset(self) -> None:
-        """Forget the lane (what was learned of the drive's pitch stays)."""
+        """Forget the lane (what was learned of the drive stays)."""
         self.fit: JointFit | None = None
+        self.shown: JointFit | None = None
+        self._drift = np.zeros(7)  # change of the shown lane from frame to frame
         self.missed = 0
         self._history.clear()
         self._doubts, self._unchecked, self._usual_rows = 0, 0, 0.0
@@ -100,9 +113,10 @@ class LaneTracker:
     @property
     def background(self) -> Prior:
         """What is believed of a road of which nothing is known, on this drive: the car's load and a rig made on
-        another day tilt the camera by a degree, which is learned over some seconds."""
+        another day tilt the camera by a degree, and a road's lanes stay about as wide as they were; both are learned
+        over some seconds."""
         mean = UNKNOWN_ROAD.mean.copy()
-        mean[PITCH] = self._drive_pitch
+        mean[LEARNED] = self._learned
         return replace(UNKNOWN_ROAD, mean=mean)
 
     def predict(self) -> Prior | None:
@@ -120,6 +134,7 @@ class LaneTracker:
         r = np.sqrt(1 - np.fmin(self.step_std**2 / spread, 1))
         r[RATE] = RATE_MEMORY
         mean = base.mean + r * (self.fit.mean - base.mean)
+        mean += self._drift * DRIFTS
         covariance = self.fit.covariance * np.outer(r, r) + np.diag((1 - r**2) * spread)
         return Prior(mean, covariance)
 
@@ -136,6 +151,7 @@ class LaneTracker:
                 return Event("none", 0, reason)
             prediction = self.predict()
             self.fit = replace(self.fit, mean=self._held(prediction.mean), covariance=prediction.covariance)
+            self._show(self.fit, anew=True)
             return Event("held", self.missed, reason)
         self.missed = 0
         if self.fit is None:
@@ -146,11 +162,12 @@ class LaneTracker:
         ):  # a double line stays one while a frame is unsure of it
             calm = [old + 0.4 * (new - old) for old, new in zip(self.fit.inward_m, fit.inward_m, strict=True)]
             smoothed = replace(smoothed, inward_m=tuple(calm))
-        self._drive_pitch += 0.02 * (smoothed.mean[PITCH] - self._drive_pitch)
+        self._learned += LEARNING * (smoothed.mean[LEARNED] - self._learned)
         self.fit, handover = handed_over(smoothed)
         if handover:
             self._history.clear()
         self._history.append(self.fit if handover else fit)
+        self._show(self.fit, anew=handover)
         return Event("measured", 0, "", handover)
 
     def known_inward(self) -> tuple[float, float] | None:
@@ -187,6 +204,19 @@ class LaneTracker:
         if confirmed:
             self.reset()
         return confirmed
+
+    def _show(self, fit: JointFit, *, anew: bool) -> None:
+        """The alpha-beta filter of what is shown; ``anew`` where the lane is no continuation of the last one."""
+        self._drift, last, drift = np.zeros(7), self.shown, self._drift
+        self.shown = fit
+        if anew or self.smoothing != "kalman" or last is None:
+            return
+        surprise = fit.mean - last.mean - drift
+        if (np.abs(surprise) < JUMPS).all():
+            mean = fit.mean - (1 - ALPHA) * surprise
+            mean[PITCH:] = fit.mean[PITCH:]
+            self._drift = drift + BETA * surprise
+            self.shown = replace(fit, mean=mean)
 
     def _held(self, predicted: np.ndarray) -> np.ndarray:
         """While held, the lane stays where it was; only what no one saw (pitch, hill) relaxes."""
