@@ -42,13 +42,14 @@ from lanelib.jointfit import (
 # its memory, below; width: 0.2 m/s; pitch: 6 degrees a second over bumps. Twice of these wobble on a motorway, a
 # quarter of them lag on a winding road (notebook 05).
 STEP_STD = np.array([0.016, 0.0035, 4e-4, np.nan, 0.0075, 0.004, 6e-5])
-# The alpha-beta filter has a fading memory: a frame counts 0.7 of the next one (Brookner, Tracking and Kalman Filtering
-# Made Easy, sec. 1.2.6). ALPHA of a surprise is believed at once, and the rates change by BETA of it.
-MEMORY = 0.7
-ALPHA, BETA = 1 - MEMORY**2, (1 - MEMORY) ** 2
+# What is shown lies ALPHA of the way from where it was going to the new fit. How the lane changes from frame to frame
+# is learned from each surprise by BETA of it, and forgotten within a second. (Alpha-beta filter: Brookner, Tracking and
+# Kalman Filtering Made Easy, ch. 1.) Less of either is calmer on a straight road and late in a quick lane change.
+ALPHA, BETA = 0.5, 0.2
 # Which numbers go on changing as they did. Bumps come without warning: pitch and hill are shown as seen.
-DRIFTS = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
-LEARNED, LEARNING = [WIDTH, PITCH], 0.02  # of the drive: with a memory of 50 frames
+DRIFTS = np.array([0.95, 0.95, 0.95, 0.0, 0.0, 0.0, 0.0])
+JUMPS = np.array([0.4, 0.07, 0.01, np.inf, 0.4, np.inf, np.inf])  # a larger surprise is another lane
+LEARNED, LEARNING = [WIDTH, PITCH], 0.02  # of the drive: with a memory of 50 frames, quicker at its begin
 JUMPS = np.array([0.4, 0.07, 0.01, np.inf, 0.4, np.inf, np.inf])  # a larger surprise is another lane
 # Of the change of curvature from one frame to the next: none and bends that tighten come late, all and they overshoot.
 RATE_MEMORY = 0.8
@@ -96,7 +97,7 @@ class LaneTracker:
         self.smoothing, self.hold_frames, self.alpha = smoothing, hold_frames, alpha
         self.step_std = np.asarray(step_std, float)
         self._history: deque[JointFit] = deque(maxlen=n if smoothing == "average" else 1)
-        self._learned = UNKNOWN_ROAD.mean[LEARNED]
+        self._learned, self._lessons = UNKNOWN_ROAD.mean[LEARNED], 0
         self._frames = 0
         self.reset()
 
@@ -104,7 +105,8 @@ class LaneTracker:
         """Forget the lane (what was learned of the drive stays)."""
         self.fit: JointFit | None = None
         self.shown: JointFit | None = None
-        self._drift = np.zeros(7)  # change of the shown lane from frame to frame
+        self._drift = np.zeros(7)  # how the lane changes from frame to frame
+        self._expected: np.ndarray | None = None  # the mean of the last prediction
         self.missed = 0
         self._history.clear()
         self._doubts, self._unchecked, self._usual_rows = 0, 0, 0.0
@@ -134,8 +136,9 @@ class LaneTracker:
         r = np.sqrt(1 - np.fmin(self.step_std**2 / spread, 1))
         r[RATE] = RATE_MEMORY
         mean = base.mean + r * (self.fit.mean - base.mean)
-        mean += self._drift * DRIFTS
+        mean += self._drift
         covariance = self.fit.covariance * np.outer(r, r) + np.diag((1 - r**2) * spread)
+        self._expected = mean
         return Prior(mean, covariance)
 
     def fit_prior(self, prediction: Prior) -> Prior:
@@ -162,7 +165,8 @@ class LaneTracker:
         ):  # a double line stays one while a frame is unsure of it
             calm = [old + 0.4 * (new - old) for old, new in zip(self.fit.inward_m, fit.inward_m, strict=True)]
             smoothed = replace(smoothed, inward_m=tuple(calm))
-        self._learned += LEARNING * (smoothed.mean[LEARNED] - self._learned)
+        self._lessons += 1
+        self._learned += max(LEARNING, 1 / (self._lessons + 2)) * (smoothed.mean[LEARNED] - self._learned)
         self.fit, handover = handed_over(smoothed)
         if handover:
             self._history.clear()
@@ -206,17 +210,18 @@ class LaneTracker:
         return confirmed
 
     def _show(self, fit: JointFit, *, anew: bool) -> None:
-        """The alpha-beta filter of what is shown; ``anew`` where the lane is no continuation of the last one."""
-        self._drift, last, drift = np.zeros(7), self.shown, self._drift
-        self.shown = fit
-        if anew or self.smoothing != "kalman" or last is None:
-            return
-        surprise = fit.mean - last.mean - drift
-        if (np.abs(surprise) < JUMPS).all():
-            mean = fit.mean - (1 - ALPHA) * surprise
-            mean[PITCH:] = fit.mean[PITCH:]
-            self._drift = drift + BETA * surprise
-            self.shown = replace(fit, mean=mean)
+        """Learn from the surprise how the lane changes, and calm what is shown; ``anew`` where the lane is no
+        continuation of the last one."""
+        last, self.shown = self.shown, fit
+        if not anew and self.smoothing == "kalman" and last is not None and self._expected is not None:
+            surprise = fit.mean - self._expected
+            if (np.abs(surprise) < JUMPS).all():
+                self._drift = DRIFTS * (self._drift + BETA * surprise)
+                mean = fit.mean.copy()
+                mean[:PITCH] -= (1 - ALPHA) * (fit.mean - last.mean - self._drift)[:PITCH]
+                self.shown = replace(fit, mean=mean)
+                return
+        self._drift = np.zeros(7)
 
     def _held(self, predicted: np.ndarray) -> np.ndarray:
         """While held, the lane stays where it was; only what no one saw (pitch, hill) relaxes."""

@@ -45,8 +45,8 @@ def test_a_clean_profile_has_its_period(period, phase):
     weight = ((y / period + phase) % 1 < 0.25).astype(float)
     curve, best = dash_likelihood(y, weight, PERIODS, np.full_like(y, 0.1))
     assert best > 0.8
-    # two and a half periods in view: an edge between two samples may move the best period by a sample's distance
-    assert PERIODS[curve.argmax()] == pytest.approx(period, rel=0.08)
+    # two and a half periods in view, their far edges between samples metres apart: on a fine grid at most 0.096
+    assert PERIODS[curve.argmax()] == pytest.approx(period, rel=0.11)
 
 
 @pytest.mark.parametrize("period_m", [9.0, 12.19, 14.63])

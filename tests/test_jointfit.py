@@ -26,6 +26,7 @@ from lanelib.jointfit import (
     distance,
     energy_of,
     fit,
+    fits,
     landmarks,
     line_x,
     nearby,
@@ -374,3 +375,16 @@ def test_wild_starts_and_points_stay_finite():
         found = jointfit.fit(p, UNKNOWN_ROAD.mean + scale * STD * rng.normal(0, 1, 7))
         assert np.isfinite(found.mean).all() and np.isfinite(found.covariance).all() and np.isfinite(found.energy)
         assert 2.0 <= found.mean[WIDTH] <= 6.0
+
+
+def test_several_starts_at_once_are_fitted_as_one_by_one():
+    """And a start far away does not touch its neighbour."""
+    points = points_on_lane(Lane7(centre=0.2, bend=1 / 800))
+    starts = [UNKNOWN_ROAD.mean, UNKNOWN_ROAD.mean + 0.5 * STD, UNKNOWN_ROAD.mean - 3 * STD]
+    together = fits(points, starts)
+    for start, found in zip(starts, together, strict=True):
+        alone = fit(points, start)
+        for name in ("mean", "covariance", "support"):
+            np.testing.assert_allclose(getattr(found, name), getattr(alone, name), rtol=1e-9, atol=1e-12)
+        assert (found.energy, found.rms_px) == pytest.approx((alone.energy, alone.rms_px))
+    assert fits(points, []) == []

@@ -2,6 +2,7 @@
 
 import json
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,8 +10,9 @@ from hypothesis import strategies as st
 from roads import MOUNTING, SIZE_WH, Lane7, paint_frame, points_on_grid, project, rig
 
 from lanelib.errors import LanelibError
-from lanelib.jointfit import fit
+from lanelib.jointfit import fit, nearby
 from lanelib.lane import Lane, Line, Surface
+from lanelib.paint import evidence_of, paint_points
 from lanelib.rig import FAR_ROW_M, RIG_FORMAT, Rig, View
 
 RIG = rig()
@@ -162,6 +164,41 @@ def test_rows_are_nearer_together_where_a_pixel_covers_less():
     assert far**2 / (1037 * MOUNTING["height_m"]) == pytest.approx(FAR_ROW_M, rel=0.01)
     below = project([[0, far, 0], [0, far - FAR_ROW_M, 0]], yaw_deg=0, roll_deg=0)
     assert below[1, 1] - below[0, 1] == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize("bend", [-1 / 300, 0.0, 1 / 900])
+def test_around_a_lane_there_is_the_same_to_see(bend):
+    """The columns that tracking looks at give the same paint on both lines as the whole view, from BGR and YUV."""
+    lane, view = Lane7(centre=0.3, heading=0.01, bend=bend, width=3.5), View(RIG)
+    around = view.around(lane.mean)
+    assert 150 < len(around.grid.x_m) < len(view.grid.x_m)
+    assert view.around(lane.mean) is around  # its tables are kept
+    frame = paint_frame(lane, noise=4)
+    for picture in (frame, cv2.cvtColor(frame, cv2.COLOR_BGR2YUV_I420)):
+        whole, part = (
+            nearby(v.points(paint_points(evidence_of(*v.paint_channels(picture))[0])), lane.mean, gate=9)
+            for v in (view, around)
+        )
+        assert len(whole) > 100
+        for name in ("bearing", "inverse", "row", "weight"):
+            np.testing.assert_allclose(getattr(part, name), getattr(whole, name), atol=1e-6)
+
+
+def test_far_from_the_road_the_whole_view_is_looked_at():
+    view = View(RIG)
+    assert len(view.around(Lane7(bend=1 / 40).mean).grid.x_m) > 0.6 * len(view.grid.x_m)  # it leaves the view
+    assert view.around(Lane7(centre=30.0).mean) is view
+
+
+def test_yuv_planes_show_the_same_paint_as_bgr():
+    """Also outside of the frame, which is black and neither bright nor yellow."""
+    view = View(RIG)
+    frame = paint_frame(Lane7(centre=0.3, width=3.5), noise=0)
+    bgr, yuv = (view.paint_channels(p) for p in (frame, cv2.cvtColor(frame, cv2.COLOR_BGR2YUV_I420)))
+    white = view.scan(np.full_like(frame, 255))[..., 0]
+    for a, b in zip(bgr, yuv, strict=True):
+        assert np.abs(a.astype(int) - b)[white == 255].mean() < 1.5
+        assert b[white == 0].max() <= 2 and (white == 0).sum() > 1000
 
 
 def test_points_are_bearings():

@@ -8,7 +8,7 @@ from roads import SIZE_WH, Lane7, joined, points_on_grid, points_on_lane, rig
 
 from lanelib.errors import LanelibError
 from lanelib.finder import LaneFinder
-from lanelib.jointfit import BEND, CENTRE, HEADING, PITCH, UNKNOWN_ROAD, WIDTH, fit, line_x
+from lanelib.jointfit import BEND, CENTRE, HEADING, PITCH, UNKNOWN_ROAD, WIDTH, energy_of, fit, line_x
 from lanelib.tracking import HOLD_FRAMES, SMOOTHING, LaneTracker, handed_over
 
 LANE = Lane7(centre=0.2, heading=0.01, bend=-1 / 800, width=3.6)
@@ -70,7 +70,7 @@ def test_while_held_the_lane_stays_and_its_uncertainty_grows():
 def test_the_prediction_ends_in_knowing_nothing():
     tracker = LaneTracker(hold_frames=10**6)
     tracker.update(fitted(replace(LANE, centre=0.6, pitch=0.01)))
-    for _ in range(6000):
+    for _ in range(30000):
         prior = tracker.predict()
         tracker.fit = replace(tracker.fit, mean=prior.mean, covariance=prior.covariance)
     unknown = tracker.background
@@ -306,6 +306,75 @@ def test_the_pitch_of_a_drive_is_learned():
     tracker.reset()
     assert np.degrees(tracker.background.mean[PITCH]) == pytest.approx(0.8, abs=0.1)
     assert LaneTracker().background.mean[PITCH] == 0
+
+
+def test_the_width_of_the_lanes_of_a_drive_is_learned_quickly():
+    """Narrow lanes, seen in 50 frames: a wide stripe of something else is then an unlikely lane."""
+    tracker = LaneTracker()
+    for _ in range(50):
+        tracker.update(fitted(replace(LANE, width=3.0)))
+    assert tracker.background.mean[WIDTH] == pytest.approx(3.0, abs=0.1)
+    wide, narrow = (fitted(replace(LANE, width=w)) for w in (4.1, 3.1))
+    worth = [energy_of(f.mean, f.support, tracker.background) for f in (narrow, wide)]
+    assert worth[0] > worth[1] + 5
+    assert LaneTracker().background.mean[WIDTH] == UNKNOWN_ROAD.mean[WIDTH]
+
+
+def steady_change(tracker, steps, n=40):
+    """``n`` frames of a lane whose numbers change by ``steps`` (7,) a frame, each fit half way between what was
+    predicted and what is there; the last truth."""
+    begin = fitted(LANE)
+    for i in range(n):
+        true = begin.mean + i * steps
+        prediction = tracker.predict()
+        mean = true if prediction is None else (true + prediction.mean) / 2
+        tracker.update(replace(begin, mean=mean))
+    return true
+
+
+def test_a_steady_change_is_predicted_and_shown_without_lag():
+    """The car drifts by 2 cm a frame and the bend tightens: after a second the prediction is where the lane will be,
+    less what is forgotten of the change: a tenth of what a filter without drift lags (a whole step)."""
+    steps = np.array([0.02, 0.002, 2e-5, 0, 0, 0, 0])
+    tracker = LaneTracker()
+    true = steady_change(tracker, steps)
+    lag = (true - tracker.shown.mean)[:3] / steps[:3]
+    assert (np.abs(lag) < 1.0).all()
+    ahead = (true + steps - tracker.predict().mean)[:3] / steps[:3]
+    assert (np.abs(ahead) < 1.0).all()
+
+
+def test_what_is_shown_trembles_less_than_the_fits():
+    """White noise of 1 cm on the centre: the change from frame to frame falls to less than 0.6 of it; pitch, which
+    bumps change without warning, is shown as seen."""
+    rng, tracker, begin = np.random.default_rng(1), LaneTracker(), fitted(LANE)
+    seen, shown = [], []
+    for _ in range(300):
+        noise = np.zeros(7)
+        noise[[CENTRE, PITCH]] = rng.normal(0, 0.01), rng.normal(0, 0.004)
+        tracker.predict()
+        tracker.update(replace(begin, mean=begin.mean + noise))
+        seen.append(tracker.fit.mean)
+        shown.append(tracker.shown.mean)
+    seen, shown = np.array(seen)[20:], np.array(shown)[20:]
+    # exponential smoothing by 0.5 leaves 0.41 of the change; following the drift adds to it
+    assert np.diff(shown[:, CENTRE]).std() < 0.6 * np.diff(seen[:, CENTRE]).std()
+    np.testing.assert_array_equal(shown[:, PITCH], seen[:, PITCH])
+
+
+def test_a_jump_is_shown_at_once():
+    tracker = LaneTracker()
+    steady_change(tracker, np.zeros(7))
+    tracker.update(fitted(replace(LANE, centre=LANE.centre + 0.6)))
+    assert tracker.shown.mean[CENTRE] == pytest.approx(tracker.fit.mean[CENTRE], abs=1e-9)
+    assert tracker.predict().mean[CENTRE] < tracker.fit.mean[CENTRE]  # no drift is left, only the pull to the middle
+
+
+def test_the_other_smoothers_show_what_they_hold():
+    for smoothing in SMOOTHING[:-1]:
+        tracker = LaneTracker(smoothing=smoothing)
+        steady_change(tracker, np.array([0.02, 0, 0, 0, 0, 0, 0]), n=10)
+        assert tracker.shown is tracker.fit
 
 
 def test_an_unknown_smoothing_is_refused():

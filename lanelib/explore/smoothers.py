@@ -53,7 +53,7 @@ def smoothed(
     for fit in fits:
         prediction = tracker.predict() if smoothing == "kalman" else None
         event = tracker.update(fit if fit is None or prediction is None else fused(fit, prediction))
-        means.append(None if tracker.fit is None else tracker.fit.mean)
+        means.append(None if tracker.shown is None else tracker.shown.mean)
         statuses.append(event.status)
     return means, statuses
 
