@@ -41,6 +41,20 @@ def interleaved(cases: dict[str, Callable], inputs: list, *, rounds: int) -> dic
     return {name: statistics.mean(statistics.median(t) for t in times) / 1e6 for name, times in taken.items()}
 
 
+def in_streams(cases: dict[str, Callable], inputs: list, *, rounds: int) -> dict[str, float]:
+    """Milliseconds of processor time per input when each case has the processor to itself: it goes over all inputs in
+    a loop of its own, the cases in turn; the median of the rounds."""
+    taken: dict[str, list[float]] = {name: [] for name in cases}
+    for turn in range(rounds + 1):
+        for name, case in cases.items():
+            begin = time.process_time_ns()
+            for value in inputs:
+                case(value)
+            if turn:
+                taken[name].append((time.process_time_ns() - begin) / len(inputs))
+    return {name: statistics.median(times) / 1e6 for name, times in taken.items()}
+
+
 def cpu_seconds(function: Callable[[], object]) -> float:
     """Processor time of this process and of the children that ended meanwhile (ffmpeg)."""
 

@@ -19,9 +19,19 @@ OK, FAULT, BAD_INPUT, INTERRUPTED, TERMINATED, BROKEN_PIPE = 0, 1, 2, 130, 143, 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
-    old = None
+    old: dict[int, object] = {}
+    came: list[int] = []
+
+    def end(number: int, frame: object) -> NoReturn:
+        """SIGTERM ends like Ctrl-C: what was begun is taken away first. It is said in the end, not here, where stderr
+        may just be caught (`pictures` does so while OpenCV decodes)."""
+        came.append(number)
+        raise KeyboardInterrupt
+
     try:
-        old = _on_sigterm(_terminate)
+        old[signal.SIGTERM] = _on_signal(signal.SIGTERM, end)
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            old[signal.SIGINT] = _on_signal(signal.SIGINT, end)
         for stream in (sys.stdout, sys.stderr):
             if hasattr(stream, "reconfigure"):
                 stream.reconfigure(errors="backslashreplace")  # a file's name may hold what the terminal cannot show
@@ -35,11 +45,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         code = getattr(commands, args.command)(args, console)
         sys.stdout.flush()
         return code
-    except SystemExit as end:  # argparse, SIGTERM
-        return end.code if isinstance(end.code, int) else FAULT
+    except SystemExit as error:  # argparse
+        return error.code if isinstance(error.code, int) else FAULT
     except KeyboardInterrupt:
-        _complain("interrupted; nothing half-written was left")
-        return INTERRUPTED
+        return _ended_by(came)
     except BrokenPipeError:  # `lanelib … | head`: nobody reads on; keep Python from complaining at exit
         _silence_stdout()
         return BROKEN_PIPE
@@ -51,13 +60,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         _complain(f"{error.filename or 'input or output'}: {error.strerror or error}")
         return BAD_INPUT
     except Exception as error:
+        if came:  # a library that is just being loaded may make another error of it
+            return _ended_by(came)
         if os.environ.get("LANELIB_DEBUG") == "1":
             raise
         kind = "not enough memory" if isinstance(error, MemoryError) else f"{type(error).__name__}: {error}"
         _complain(f"a fault of lanelib ({kind}); please report it, LANELIB_DEBUG=1 shows where it happened")
         return FAULT
     finally:
-        _on_sigterm(old)
+        for number, handler in old.items():
+            _on_signal(number, handler)
 
 
 # ---------------------------------------------------------------------------------------------- how it ends
@@ -65,16 +77,16 @@ def _complain(what: object) -> None:
     print(f"lanelib: {' '.join(str(what).split())}", file=sys.stderr)
 
 
-def _terminate(number: int, frame: object) -> NoReturn:
-    """SIGTERM ends like Ctrl-C: what was begun is taken away first."""
-    _complain("ended by a signal; nothing half-written was left")
-    raise SystemExit(TERMINATED)
+def _ended_by(came: Sequence[int]) -> int:
+    terminated = signal.SIGTERM in came
+    _complain(f"{'ended by a signal' if terminated else 'interrupted'}; nothing half-written was left")
+    return TERMINATED if terminated else INTERRUPTED
 
 
-def _on_sigterm(handler):
+def _on_signal(number: int, handler):
     """Set the handler where this is possible (the main thread); returns the one before."""
     try:
-        return signal.signal(signal.SIGTERM, handler)
+        return signal.signal(number, handler)
     except (ValueError, TypeError):
         return None
 

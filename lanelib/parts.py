@@ -26,7 +26,7 @@ def prefix_of(final: Path) -> str:
 def remove_abandoned(final: Path) -> None:
     """Remove unfinished files for `final` whose process is no more (it was killed, or the power went).
 
-    Only names that `part_of` (or `tempfile` with `prefix_of`) gives, and only where the whole final name is in them.
+    Only names that `part_of` gives, or `prefix_of` begins, and only where the whole final name is in them.
     Never raises: what cannot be removed stays.
     """
     name = _short(final)

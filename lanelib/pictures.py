@@ -113,17 +113,17 @@ def write_bytes(path, data: bytes) -> Path:
         if path.is_dir():
             raise IsADirectoryError(0, "it is a folder")
         remove_abandoned(path)
-        handle, temporary = tempfile.mkstemp(prefix=prefix_of(path), suffix=".part", dir=path.parent)
-        with os.fdopen(handle, "wb") as file:
+        # chosen before it exists: whatever comes in between, Ctrl-C too, can take it away
+        temporary = path.with_name(f"{prefix_of(path)}{os.urandom(4).hex()}.part")
+        with open(temporary, "xb") as file:
             file.write(data)
-        mask = os.umask(0)  # mkstemp makes a private file; give it the rights an ordinary open() would give
-        os.umask(mask)
-        os.chmod(temporary, 0o666 & ~mask)
         os.replace(temporary, path)
-    except (OSError, ValueError) as error:
+    except BaseException as error:
         if temporary is not None:
-            with suppress(OSError):
+            with suppress(OSError, ValueError):
                 os.unlink(temporary)
+        if not isinstance(error, OSError | ValueError):
+            raise
         reason = getattr(error, "strerror", None) or error
         raise LanelibError(f"{path}: need a place that can be written, found: {reason}; choose another") from None
     return path

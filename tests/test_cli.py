@@ -473,6 +473,41 @@ def test_a_signal_leaves_nothing_behind(place, drive, number, code):
     assert not processes_naming(str(place))
 
 
+@pytest.mark.parametrize("number, code, word", [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "ended by")])
+def test_a_signal_is_told_even_while_a_picture_is_decoded(place, capfd, monkeypatch, number, code, word):
+    """Then the standard error is caught, for what libjpeg says; what lanelib says must not be lost with it."""
+    imdecode = cv2.imdecode
+
+    def hit(*args):
+        os.kill(os.getpid(), number)
+        return imdecode(*args)
+
+    monkeypatch.setattr(cv2, "imdecode", hit)
+    before = [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)]
+    assert cli.main(["image", "road.png", "--rig", "rig.json", "-o", "out"]) == code
+    err = capfd.readouterr().err
+    assert err.startswith(f"lanelib: {word}") and len(err.splitlines()) == 1
+    assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)] == before
+
+
+@pytest.mark.parametrize("number, code, word", [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "ended by")])
+def test_a_signal_is_one_even_where_a_library_makes_another_error_of_it(
+    place, capsys, monkeypatch, number, code, word
+):
+    """As old numpy and matplotlib do while they are being loaded."""
+
+    def loading(*args):
+        try:
+            os.kill(os.getpid(), number)
+            time.sleep(5)
+        except BaseException:
+            raise ImportError("you should not try to import numpy from its source directory") from None
+
+    monkeypatch.setattr(commands, "image", loading)
+    assert cli.main(["image", "road.png", "--rig", "rig.json", "-o", "out"]) == code
+    assert capsys.readouterr().err.startswith(f"lanelib: {word}")
+
+
 def test_a_reader_that_stops_reading_is_no_fault(place, clip):
     process = child("video", "drive.mp4", "--rig", "rig.json", "--no-video", "--json", "-", "--quiet", cwd=place)
     process.stdout.close()  # like `| head -0`

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from lanelib import pictures
 from lanelib.errors import LanelibError
 from lanelib.pictures import read_image, write_bytes, write_image
 
@@ -153,6 +154,25 @@ def test_only_uint8_pictures_are_written(tmp_path, image):
 def test_unknown_suffixes_are_refused(tmp_path, name):
     with pytest.raises(LanelibError, match="need a name ending in"):
         write_image(tmp_path / name, PHOTO)
+
+
+@pytest.mark.parametrize("at", ["open", "replace"])
+def test_an_interrupted_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch, at):
+    """Ctrl-C at two moments: when the file has just been opened, and when it is whole but has no name yet."""
+    place = tmp_path / "a.txt"
+    place.write_text("old")
+    opened = open
+
+    def interrupted(*args, **kwargs):
+        if at == "open":
+            opened(*args, **kwargs).close()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(*((pictures, "open") if at == "open" else (pictures.os, "replace")), interrupted, raising=False)
+    with pytest.raises(KeyboardInterrupt):
+        write_bytes(place, b"new")
+    monkeypatch.undo()
+    assert [p.name for p in tmp_path.iterdir()] == ["a.txt"] and place.read_text() == "old"
 
 
 def test_unwritable_places_are_one_line_and_leave_nothing(tmp_path):

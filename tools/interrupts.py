@@ -57,12 +57,14 @@ if len(sys.argv) > 1 and sys.argv[1] == "fetch":  # another list of files, and n
     fetch.PackageIndex.bring = lambda self, wanted, root, say: ()
     fetch._path_in_repository = lambda path: path
 from lanelib import cli
-was = cli._on_sigterm
-def on_sigterm(handler):  # what main does first, and last
-    old = was(handler)
-    os.write(1, b"." if handler is cli._terminate else b"main has ended")
+was, told = cli._on_signal, []
+def on_signal(number, handler):  # what main does first, and last
+    old = was(number, handler)
+    if number == signal.SIGTERM:
+        os.write(1, b"main has ended" if told else b".")
+        told.append(number)
     return old
-cli._on_sigterm = on_sigterm
+cli._on_signal = on_signal
 sys.exit(program.main())
 """
 

@@ -126,8 +126,8 @@ figures.curves(seconds[part], {"truth": exact[part]} | found, truth="truth", mar
 # %% [markdown]
 # The average and the exponential smoother are calm, and late: while the bend comes in, the lane is not where they draw it.
 # 20 m ahead the lane moves sideways by a third of a metre a second there, and 0.1 s of that are the centimetres in the table.
-# The Kalman filter has the error of the single frames, less than half of their jitter, and hardly any lag. (The exponential
-# smoother trembles even less; that is what its lag was paid for.) How can that be?
+# The Kalman filter has the error of the single frames, a small part of their jitter, and hardly any lag: it is calmer even
+# than the exponential smoother, which paid for its calm with lag. How can that be?
 #
 # ### Exercise 1: Exponential smoothing
 #
@@ -200,6 +200,11 @@ print(f"sideways, that is {25 * STEP_STD[0]:.2f} m/s")
 # into the joint fit as its prior. What the frame shows clearly (the centre, from paint near the car) the frame decides;
 # what it hardly shows (the bend, in a stretch with two dashes) the past decides. An average delays both alike.
 #
+# Two more things are in `LaneTracker`. A car that drifts to the left goes on drifting: from each surprise (fit minus
+# prediction) the tracker learns how fast centre, heading and bend are changing, and predicts that they go on, so small steps
+# need not lag behind an even movement. And what is *shown* lies half way between where the lane was going and the new fit:
+# an **alpha-beta filter**, exponential smoothing that knows a speed. It costs next to no lag, because it moves along.
+#
 # ### Exercise 3: One step of a Kalman filter
 #
 # For one number: predict with `step_variance`, then update with the measurement. A missed frame has `measured` None.
@@ -221,8 +226,8 @@ exercises.check_kalman_step(kalman_step)
 # %% [markdown]
 # ## Choosing: two roads, not one
 #
-# Smaller steps are calmer. By this drive alone one would choose smaller ones than the package does. So let us drive another road: a winding
-# one, bends of 60 to 80 m at 47 km/h. A setting is only good if it is good on both.
+# Smaller steps are calmer, and by this drive alone one may choose smaller ones than the package does. So let us drive
+# another road: a winding one, bends of 60 to 80 m at 47 km/h. A setting is only good if it is good on both.
 
 # %%
 tiny = rig.scaled((320, 180))
@@ -252,9 +257,9 @@ for times in (0.1, 0.3, 1.0, 3.0, 10.0):
     print(f"x {times:<5} {motorway[0]:14.1f} {motorway[1]:7.2f} {curvy[0]:25.1f} {curvy[1]:7.2f}")
 
 # %% [markdown]
-# A tenth of the steps: the filter believes more in the past than in the road, and the error grows, most of all on the
-# winding one. Ten times the steps: the prior holds hardly anything any more, and the jitter grows. Between them one trades
-# the calm of a motorway for a winding road that comes sooner; there is room, and nothing hangs on the exact value.
+# A tenth of the steps: the filter believes more in the past than in the road, and the error grows on both. Ten times the
+# steps: the prior holds hardly anything any more, and both error and jitter grow. Between them there is room: nothing hangs
+# on the exact value.
 #
 # The same for the other smoothers, on the first drive: each curve is one of them with weaker and stronger smoothing. (The
 # Kalman filter here smooths recorded fits, as `explore.smoothing` does, which is quick and a little weaker than the real one.)
@@ -512,7 +517,7 @@ figures.show({f"{seconds[i]:.2f} s: {seen[i].status}": draw.overlay(troubled[i],
 #
 # - Error, jitter and lag belong together; a smoother is judged by all three, against truth.
 # - Averages turn jitter into lag. A Kalman filter weighs each frame by what it knows, number by number.
-# - The best place for the past is *in* the measurement, as its prior, not behind it.
+# - The best place for the past is *in* the measurement, as its prior; what is done behind it must know where the lane goes.
 # - A missed frame is an event: hold for a bounded time, say so, then forget.
 # - A tracker must ask whether there is a better lane, and hand over when the car changes lanes.
 #
