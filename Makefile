@@ -44,7 +44,7 @@ $(VENV)/.installed-test: requirements-dev.txt $(VENV)/.installed
 	@touch $@
 
 lab: install  ## open the course in JupyterLab
-	$(BIN)/python -m jupyterlab notebooks
+	$(BIN)/python -m jupyterlab notebooks $(if $(filter 0,$(shell id -u)),--allow-root)
 
 test: lint  ## set up and run all tests: ruff, pytest, the notebooks
 	$(BIN)/python -m pytest -n $(JOBS)

@@ -202,19 +202,30 @@ class Surface:
         return np.column_stack([x / y * y0, y0])
 
 
+@dataclass(frozen=True)
+class Here:
+    """The road at the car, seen when it lay ahead: signed curvature of the lane's centre, and the car's offset with
+    it."""
+
+    curvature_1pm: float
+    offset_m: float
+
+
 @dataclass(frozen=True, eq=False)
 class Lane:
-    """The ego lane: two lines and the surface they lie on."""
+    """The ego lane: two lines and the surface they lie on. ``here``: what earlier frames knew of the road at the car
+    (``roadmemory``); None where only this frame speaks."""
 
     left: Line
     right: Line
     surface: Surface = field(default_factory=Surface)
     std: dict = field(default_factory=dict)  # standard deviations by name, where the fit knows them
+    here: Here | None = None
 
     @property
     def offset_m(self) -> float:
         """Lateral offset of the car from the lane's centre, positive when the car is right of it."""
-        return float(-(self.left.x(0) + self.right.x(0)) / 2)
+        return self.here.offset_m if self.here else float(-(self.left.x(0) + self.right.x(0)) / 2)
 
     def width_m(self, y_m=0.0):
         """Distance between the lines, across the lane (not along x), at distance ``y_m``."""
@@ -224,6 +235,8 @@ class Lane:
     @property
     def curvature_1pm(self) -> float:
         """Signed curvature of the lane's centre at the car, 1/m, positive to the left."""
+        if self.here:
+            return self.here.curvature_1pm
         return float(self.left.curvature_1pm() + self.right.curvature_1pm()) / 2
 
     @property

@@ -36,6 +36,7 @@ from lanelib.jointfit import (
     holds_car,
     rate_std,
 )
+from lanelib.roadmemory import RoadMemory
 
 # How far each number departs from its prediction: standard deviation of a step from frame to frame at 25 frames a
 # second. Centre: 0.4 m/s sideways; heading: 0.09 radians a second; bend: from straight to R 60 m in a second; rate: by
@@ -48,7 +49,6 @@ STEP_STD = np.array([0.016, 0.0035, 4e-4, np.nan, 0.0075, 0.004, 6e-5])
 ALPHA, BETA = 0.5, 0.2
 # Which numbers go on changing as they did. Bumps come without warning: pitch and hill are shown as seen.
 DRIFTS = np.array([0.95, 0.95, 0.95, 0.0, 0.0, 0.0, 0.0])
-JUMPS = np.array([0.4, 0.07, 0.01, np.inf, 0.4, np.inf, np.inf])  # a larger surprise is another lane
 LEARNED, LEARNING = [WIDTH, PITCH], 0.02  # of the drive: with a memory of 50 frames, quicker at its begin
 JUMPS = np.array([0.4, 0.07, 0.01, np.inf, 0.4, np.inf, np.inf])  # a larger surprise is another lane
 # Of the change of curvature from one frame to the next: none and bends that tighten come late, all and they overshoot.
@@ -96,7 +96,7 @@ class LaneTracker:
             raise LanelibError(f"smoothing must be one of {', '.join(SMOOTHING)}, found {smoothing!r}")
         self.smoothing, self.hold_frames, self.alpha = smoothing, hold_frames, alpha
         self.step_std = np.asarray(step_std, float)
-        self._history: deque[JointFit] = deque(maxlen=n if smoothing == "average" else 1)
+        self._history: deque[JointFit] = deque(maxlen=max(n - 1, 0))
         self._learned, self._lessons = UNKNOWN_ROAD.mean[LEARNED], 0
         self._frames = 0
         self.reset()
@@ -108,6 +108,7 @@ class LaneTracker:
         self._drift = np.zeros(7)  # how the lane changes from frame to frame
         self._expected: np.ndarray | None = None  # the mean of the last prediction
         self.missed = 0
+        self.road = RoadMemory()
         self._history.clear()
         self._doubts, self._unchecked, self._usual_rows = 0, 0, 0.0
         self._rival: np.ndarray | None = None

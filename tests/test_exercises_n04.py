@@ -122,4 +122,15 @@ def test_fit_shared_wrong():
         return (left[1] + right[1]) / 2, (left[0] + right[0]) / 2, 0.0, right[1] - left[1]
 
     assert not exercises.check_fit_shared(apart)
+
+    def two_parabolas(left_xy, right_xy):  # right without noise: three points decide on a parabola
+        left, right = (np.polyfit(p[:, 1], p[:, 0], 2) for p in (left_xy, right_xy))
+        return (left[2] + right[2]) / 2, (left[1] + right[1]) / 2, (left[0] + right[0]) / 2, right[2] - left[2]
+
+    assert "one matrix" in exercises.check_fit_shared(two_parabolas).hint
+
+    def half_width(left_xy, right_xy):
+        return shared(left_xy, right_xy) * [1, 1, 1, 0.5]
+
+    assert "half of what" in exercises.check_fit_shared(half_width).hint
     assert "shape" in exercises.check_fit_shared(lambda *_: np.zeros(3)).hint

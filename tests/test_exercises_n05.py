@@ -65,6 +65,16 @@ def test_kalman_step():
     assert exercises.check_kalman_step(lambda *a: np.array(step(*a)))
 
 
+def test_zero_is_a_measurement():
+    def not_measured(m, v, q, z, r):
+        return (m, v + q) if not z else step(m, v, q, z, r)
+
+    assert "is None" in exercises.check_kalman_step(not_measured).hint
+    assert "mean, variance" in exercises.check_kalman_step(lambda *a: step(*a)[::-1]).hint
+    missed = exercises.check_kalman_step(lambda m, v, q, z, r: None if z is None else step(m, v, q, z, r))
+    assert "None, None) returns nothing" in missed.hint
+
+
 def test_kalman_step_wrong():
     verdict = exercises.check_kalman_step(lambda m, v, q, z, r: step(m, v, 0.0, z, r))
     assert not verdict and "prediction" in verdict.hint

@@ -271,9 +271,17 @@ def test_average_weighs_by_each_fits_variance():
     tracker.update(sure)
     tracker.update(replace(fits[1], covariance=fits[0].covariance))
     assert tracker.fit.mean[CENTRE] == pytest.approx(0.1 * fits[1].mean[CENTRE] + 0.9 * fits[0].mean[CENTRE], abs=1e-6)
-    for _ in range(3):  # n frames later the first is forgotten
+    for _ in range(2):  # the third frame after the first is the first without it
         tracker.update(fits[1])
     assert tracker.fit.mean[CENTRE] == pytest.approx(fits[1].mean[CENTRE], abs=1e-6)
+
+
+def test_average_of_one_is_the_frame():
+    tracker = LaneTracker(smoothing="average", n=1)
+    for centre in (0.0, 0.3, -0.2):
+        fit = fitted(replace(LANE, centre=centre))
+        tracker.update(fit)
+        assert tracker.fit.mean[CENTRE] == pytest.approx(fit.mean[CENTRE], abs=1e-12)
 
 
 def test_exponential_closes_a_share_of_the_gap():

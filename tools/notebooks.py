@@ -27,7 +27,7 @@ BOOKS = ROOT / "notebooks"
 SOURCES, LEARNER = BOOKS / "source", BOOKS / "learner"
 CELL_TIMEOUT_S = 120  # as nbval's
 WIDGET = "application/vnd.jupyter.widget-view+json"
-WIDGET_TEXT = "*Run this cell to use the explorer; the figure below shows the same thing standing still.*"
+WIDGET_TEXT = "*Run this cell to use the explorer; the figures around it show, standing still, what it moves.*"
 JPEG = "image/jpeg"
 
 

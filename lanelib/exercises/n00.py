@@ -19,7 +19,13 @@ def check_offset_of(answer):
 def check_sideways_m(answer):
     """How far a bend leads aside after some distance; the parabola's and the circle's formula both pass."""
     cases = [((600.0, 30.0), 0.75), ((1000.0, 30.0), 0.45), ((250.0, 20.0), 0.8)]
-    return function(answer, cases, number, unit="m", rel=0.005)
+    first = cases[0][0]
+    mistakes = {
+        "twice: x = y² / (2 R)": first[1] ** 2 / first[0],
+        "this is A = 1 / (2 R); it has to be multiplied by y²": 1 / (2 * first[0]),
+        "y enters as its square: x = y² / (2 R)": first[1] / (2 * first[0]),
+    }
+    return function(answer, cases, number, unit="m", rel=0.005, mistakes=mistakes)
 
 
 @never_raises
@@ -34,6 +40,9 @@ def check_seconds_to_line(answer):
         "the sine wants radians: math.radians(degrees)": first[0] / (math.sin(first[1]) * first[2] / 3.6),
         "the speed is in km/h; divide it by 3.6 for m/s": first[0] / (math.sin(math.radians(first[1])) * first[2]),
         "degrees where radians are wanted, and km/h where m/s is": first[0] / (math.sin(first[1]) * first[2]),
+        "the speed was multiplied by 3.6; km/h divided by 3.6 is m/s": first[0]
+        / (math.sin(math.radians(first[1])) * first[2] * 3.6),
+        "this is in milliseconds": 1000 * cases[0][1],
         "this is the time along the road; what counts is the part of the speed across it": first[0] / (first[2] / 3.6),
     }
     return function(answer, cases, number, unit="s", rel=0.01, mistakes=mistakes)

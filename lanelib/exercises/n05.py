@@ -10,10 +10,10 @@ from lanelib.exercises.verdict import Verdict
 WORDS = ("measured", "held", "none")
 
 
-def _hinted(answer, cases, wrong, **options) -> Verdict:
+def _hinted(answer, cases, wrong, columns: str = "", **options) -> Verdict:
     """``function`` with ``array``; where it fails, the hint of the first mistake in ``wrong`` (hint, results) that
     explains all cases."""
-    verdict = function(answer, cases, array, **options)
+    verdict = function(answer, cases, array, columns=columns, **options)
     if not verdict and callable(answer):
         for hint, results in wrong:
             renamed = [(given, result) for (given, _), result in zip(cases, results, strict=True)]
@@ -68,10 +68,13 @@ def check_fuse(answer):
          [(m[0], u + v) for m, (_, u, _, v) in zip(right_ones, given, strict=True)]),
         ("the standard deviation is given; the variance is asked for",
          [(m[0], np.sqrt(m[1])) for m in right_ones]),
+        ("the second number is 1 / variance; turn it round", [(m[0], 1 / m[1]) for m in right_ones]),
+        ("the weights are 1 / variance, not 1 / variance²",
+         [((a / u**2 + b / v**2) / (u**-2 + v**-2), _fuse(a, u, b, v)[1]) for a, u, b, v in given]),
         ("weighted with 1 / variance, please: these are weights of 1 / standard deviation",
          [((a / u**0.5 + b / v**0.5) / (u**-0.5 + v**-0.5), _fuse(a, u, b, v)[1]) for a, u, b, v in given]),
     ]  # fmt: skip
-    return _hinted(answer, list(zip(given, right_ones, strict=True)), wrong, rel=1e-4, tolerance=1e-9)
+    return _hinted(answer, list(zip(given, right_ones, strict=True)), wrong, "mean, variance", rel=1e-4, tolerance=1e-9)
 
 
 def _kalman(mean, variance, step_variance, measured, measured_variance) -> tuple[float, float]:
@@ -86,6 +89,7 @@ def check_kalman_step(answer):
         (0.10, 0.010, 0.002, 0.30, 0.02),
         (0.10, 0.010, 0.002, None, None),  # a missed frame
         (-0.5, 0.004, 0.01, -0.4, 0.01),
+        (0.2, 0.010, 0.002, 0.0, 0.02),  # measured exactly in the middle: 0 is a measurement
     ]
     right_ones = [np.array(_kalman(*g)) for g in given]
     wrong = [
@@ -93,6 +97,12 @@ def check_kalman_step(answer):
          [_kalman(m, v, 0.0, z, r) for m, v, _, z, r in given]),
         ("a missed frame is a prediction without an update: its variance grows by the step's",
          [r if g[3] is not None else (g[0], g[1]) for r, g in zip(right_ones, given, strict=True)]),
+        ("0.0 is a measurement, too: ask `measured is None`, for `not measured` is true for 0",
+         [r if g[3] else (g[0], g[1] + g[2]) for r, g in zip(right_ones, given, strict=True)]),
+        ("`step_variance` is a variance already: add it as it is, not its square",
+         [np.array(_kalman(m, v, q * q, z, r)) for m, v, q, z, r in given]),
+        ("the standard deviation is given; the variance is asked for",
+         [np.array([r[0], np.sqrt(r[1])]) for r in right_ones]),
     ]  # fmt: skip
     if callable(answer):
         try:
@@ -101,7 +111,7 @@ def check_kalman_step(answer):
             return not_yet("a missed frame comes as None; look for `measured is None` before computing with it")
         except Exception:  # judged below, with the call that raised
             pass
-    return _hinted(answer, list(zip(given, right_ones, strict=True)), wrong, rel=1e-4, tolerance=1e-9)
+    return _hinted(answer, list(zip(given, right_ones, strict=True)), wrong, "mean, variance", rel=1e-4, tolerance=1e-9)
 
 
 def _statuses(seen, hold) -> list[str]:

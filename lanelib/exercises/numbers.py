@@ -150,7 +150,8 @@ def array(
     if good(-got).mean() >= share:
         return not_yet(f"the sizes are right, the signs are reversed{f'; {sign}' if sign else ''}")
     if got.ndim and got.shape[-1] in (2, 3) and good(got[..., ::-1]).mean() >= share:
-        return not_yet(f"the order of the last axis is reversed{f'; {columns} is wanted' if columns else ''}")
+        what = "the order" if got.ndim == 1 else "the order of the last axis"
+        return not_yet(f"{what} is reversed{f'; {columns} is wanted' if columns else ''}")
     if got.ndim and good(got[::-1]).mean() >= share:
         return not_yet("the values are right, in reversed order")
     use = np.isfinite(wanted) & np.isfinite(got) & (np.abs(wanted) > max(tolerance, 1e-12))

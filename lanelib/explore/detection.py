@@ -170,7 +170,9 @@ def detect(frame_bgr: np.ndarray, rig: Rig, truth=None) -> Explorer:
     way = choice("search", WAYS, WAYS[0], tip="from nothing, or near the lane that the windows found")
     n_windows = counter("windows", search.N_WINDOWS, 2, 24, tip="windows a line")
     margin = slider("margin, m", MARGIN_M, 0.1, 2.0, 0.05, tip="metres to both sides of a window's middle")
-    minimum = counter("least pixels", start, 1, 400, tip="pixels in a window that recentre the next one")
+    # steps that can be seen: a dash has hundreds of pixels
+    low, tip = start % 50, "pixels in a window that recentre the next one"
+    minimum = counter("least pixels", start, low, low + 1000, step=50, tip=tip)
 
     def make(**state) -> Look:
         for control in (way, n_windows, margin, minimum):

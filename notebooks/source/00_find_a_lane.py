@@ -306,7 +306,8 @@ notebook.say(f"A lane in {len(pairs)} of {len(rows)} frames; the offset is off b
 
 # %% [markdown]
 # Two things to see. The offset follows the truth to a few centimetres, and smoothly: nothing in a car moves sideways in a
-# jump. And the curvature found runs *ahead* of the true one, which is that of the road at the car: you know why by now.
+# jump. And the curvature: a frame tells that of the road *ahead*, you know why by now; yet here it is nearly the one at the car,
+# because the finder remembers what it saw of this place a second ago (notebook 05).
 #
 # ## Bend a road yourself
 #

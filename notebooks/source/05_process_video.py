@@ -56,7 +56,7 @@ figures.contact_sheet(frames[::13], [f"{t:.1f} s" for t in seconds[::13]], colum
 # The classic pipeline of notebooks 02 to 04 (mask, windows, two parabolas), each frame on its own. **Before you run it:**
 # the road is smooth. What will the curves of curvature and offset look like, and what will happen in the shade?
 
-# %% alt="Curvature and offset over time: the estimate jumps around the dashed truth from frame to frame, with stretches shaded where no lane was found."
+# %% alt="Curvature and offset over time: both estimates jump from frame to frame, in the bend the curvature mostly below the dashed truth, with stretches shaded where no lane was found."
 classic = LaneFinder(rig, model="windows", track=False)
 alone = [classic.process(frame) for frame in frames[::2]]
 rows = [r.to_row("") | {"time_s": t} for r, t in zip(alone, seconds[::2], strict=True)]
@@ -124,7 +124,7 @@ figures.curves(seconds[part], {"truth": exact[part]} | found, truth="truth", mar
                xlabel="time, s", ylabel="centre 20 m ahead, m", title="into the bend")
 
 # %% [markdown]
-# The average and the exponential smoother are calm, and late: while the bend comes in, the lane is not where they draw it.
+# The average and the exponential smoother are late: while the bend comes in, the lane is not where they draw it.
 # 20 m ahead the lane moves sideways by a third of a metre a second there, and 0.1 s of that are the centimetres in the table.
 # The Kalman filter has the error of the single frames, a small part of their jitter, and hardly any lag: it is calmer even
 # than the exponential smoother, which paid for its calm with lag. How can that be?
@@ -205,6 +205,10 @@ print(f"sideways, that is {25 * STEP_STD[0]:.2f} m/s")
 # need not lag behind an even movement. And what is *shown* lies half way between where the lane was going and the new fit:
 # an **alpha-beta filter**, exponential smoothing that knows a speed. It costs next to no lag, because it moves along.
 #
+# And one thing is *not* smoothed but remembered: the road. A frame tells one curvature for all that it sees, which is that of
+# the middle of its view (notebook 04); a second later the car is there. `lanelib.roadmemory` keeps every look with its place and
+# reads it when the car arrives. In a bend that tightens, this is the difference between the bend to come and the one you are in.
+#
 # ### Exercise 3: One step of a Kalman filter
 #
 # For one number: predict with `step_variance`, then update with the measurement. A missed frame has `measured` None.
@@ -226,8 +230,8 @@ exercises.check_kalman_step(kalman_step)
 # %% [markdown]
 # ## Choosing: two roads, not one
 #
-# Smaller steps are calmer, and by this drive alone one may choose smaller ones than the package does. So let us drive
-# another road: a winding one, bends of 60 to 80 m at 47 km/h. A setting is only good if it is good on both.
+# Smaller steps are calmer, up to a point; how small they may be depends on the road. So let us drive another one, too: a
+# winding road, bends of 60 to 80 m at 47 km/h. A setting is only good if it is good on both.
 
 # %%
 tiny = rig.scaled((320, 180))
@@ -264,7 +268,7 @@ for times in (0.1, 0.3, 1.0, 3.0, 10.0):
 # The same for the other smoothers, on the first drive: each curve is one of them with weaker and stronger smoothing. (The
 # Kalman filter here smooths recorded fits, as `explore.smoothing` does, which is quick and a little weaker than the real one.)
 
-# %% alt="Jitter against error and against lag: average and exponential smoothing buy less jitter with error and lag along two nearly equal curves; the Kalman filter's points lie at the left of both panels."
+# %% alt="Jitter against error and against lag: the average keeps its jitter while error and lag grow; exponential smoothing first gains calm and then loses it again; the Kalman filter's points lie close together at the lower left of both panels."
 single = LaneFinder(rig, track=False)
 fits = [single.process(frame).fit for frame in frames]
 
@@ -284,9 +288,9 @@ n05.tradeoff({
 })
 
 # %% [markdown]
-# The average and the exponential smoother walk down in jitter and *right* in error and lag; with strong smoothing even the
-# jitter comes back, for an error that follows the road's movements changes from frame to frame, too. There is no setting
-# at which they win. The Kalman filter goes down without going right, until its steps are a tenth.
+# Both classic smoothers walk *right*, in error and in lag. Exponential smoothing gains calm for it, the average hardly any;
+# and with strong smoothing the jitter comes back, for an error that follows the road's movements changes from frame to
+# frame, too. There is no setting at which they win. The Kalman filter's points lie together, lower and further left.
 #
 # ### Try it
 #
@@ -299,7 +303,7 @@ explore.smoothing(fits, truth)
 # ## The same in the forest
 #
 # The simulator's drive is a laboratory: simple, quick, exact. Three clips come with the course that look like a road, and
-# their truth is as exact. The hardest one goes through a forest at 50 km/h: bends down to 60 m, dappled light, the sun ahead.
+# their truth is as exact. The hardest one goes through a forest at 50 km/h: tight bends (80 m in the part that we use), dappled light, the sun ahead.
 # **Before you run it:** which smoother will suffer most, and in which of the three numbers?
 
 # %%
@@ -322,9 +326,10 @@ figures.contact_sheet([draw.overlay(woods[i], wooded["kalman"][i], text=False) f
 # Here the road moves fast, and what lags is wrong. A forest road is where a smoother that was chosen on a motorway is found
 # out.
 #
-# Back to the simulator: where, along its drive, do the errors come from?
+# Back to the simulator: where, along its drive, do the errors come from? (The average's error is the lane's own movement,
+# times its lag. The single frames' error is noise. What the filter keeps is little of both.)
 
-# %% alt="The error of the lane's centre at 20 m over time: each frame alone scatters, the average is far off while the bend begins and ends, the Kalman filter stays near zero."
+# %% alt="The error of the lane's centre at 20 m over time: each frame alone scatters around zero, the average is centimetres off, first to one side and then to the other, the Kalman filter stays near zero."
 figures.curves(seconds, {s: [100 * (centre_m(r) - e) for r, e in zip(results[s], exact, strict=True)]
                          for s in ("none", "average", "kalman")},
                markers=False, xlabel="time, s", ylabel="error 20 m ahead, cm", title="where the lane is not")
@@ -491,7 +496,7 @@ by_doubt = hardest([1 - result.confidence for result in seen])
 errors = [100 * abs(centre_m(r) - e) if r else 0.0 for r, e in zip(seen, exact, strict=True)]
 by_error = hardest(errors)
 
-# %% alt="Eight small frames: in the upper row the four most doubtful, mostly black ones; in the lower row the four with the largest error, held lanes on black frames first, then frames on the road."
+# %% alt="Eight small frames: in the upper row the four most doubtful, all of them black ones; in the lower row the four with the largest error, held lanes on black frames first, then frames on the road."
 figures.contact_sheet([draw.overlay(troubled[i], seen[i], text=False) for i in by_doubt + by_error],
                       [f"{seconds[i]:.1f} s: confidence {seen[i].confidence:.2f}" for i in by_doubt]
                       + [f"{seconds[i]:.1f} s: error {errors[i]:.1f} cm" for i in by_error])
@@ -499,12 +504,14 @@ figures.contact_sheet([draw.overlay(troubled[i], seen[i], text=False) for i in b
 # %%
 measured = [e for e, r in zip(errors, seen, strict=True) if r.status == "measured"]
 held = [e for e, r in zip(errors, seen, strict=True) if r.status == "held"]
-notebook.say(f"Largest error of a measured lane {max(measured):.1f} cm, of a held one {max(held):.0f}.0 cm.")
+notebook.say(f"Largest error of a measured lane {max(measured):.1f} cm, of a held one {max(held):.1f} cm.")
 
 # %% [markdown]
-# Both lists begin at the gaps, as they should. After that they differ: the confidence knows how much paint was seen and how
-# well it agrees; it cannot know the truth. What remains of errors on this drive is a matter of a centimetre. The scrubber
-# jumps from one hard moment to the next, at any stage of the pipeline; on a clip of your own (notebook 08) begin there.
+# Both lists begin at the gaps, as they should. The doubts never leave them, for nothing is less certain than no lane at all;
+# the errors do, once the held lanes are counted. (The largest of a measured lane is that of the first frame after the gap,
+# which still believes a little in the held one; two frames later it is gone.) The confidence knows how much paint was seen
+# and how well it agrees; it cannot know the truth. The scrubber jumps from one hard moment to the next, at any stage of the
+# pipeline; on a clip of your own (notebook 08) begin there.
 
 # %% tags=["nbval-ignore-output"]
 explore.scrub(clip.path, rig, end_s=4.0, truth={entry["raw_file"]: entry for entry in truth})

@@ -1,0 +1,80 @@
+"""The road's memory: the bend that was 20 m ahead is now here, and then it was seen.
+
+A camera sees no road at the car, only from some metres on, and one frame tells one curvature for all of it, that of
+its middle; on a road that tightens, the car is told a bend that it will reach in a second. But a second ago the place
+where it is now lay in the middle of the view. So every curvature is kept with its place on the road, and read when the
+car is there.
+
+How far the car has come is not measured. It is taken to drive as drivers do: ``FASTEST_MPS`` on straight road, and in
+bends with 2 m/s^2 of lateral acceleration. Two thirds of that speed or twice of it still halve the error
+(tests/test_roadmemory.py), because curvature changes over tens of metres.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+
+from lanelib.jointfit import RATE
+from lanelib.lane import Here, Lane
+
+FASTEST_MPS, LATERAL_MPS2, FRAME_S = 30.0, 2.0, 0.04
+# What one frame says of the bend holds for the middle of what it saw, but for no place farther than this: most paint is
+# seen near by. Speed is judged by the bend here and ``BEYOND_M`` ahead.
+MIDDLE_M, BEYOND_M = 25.0, 30.0
+BLUR_M = 2.0  # looks at places twice as far away no longer count, nearer ones the more
+NEAR_M = 7.0  # from here on the fit's line is right; nearer, few rows or none have paint, and it is prolonged
+STEPS_M = np.linspace(0, NEAR_M, 4)
+WEIGHTS_M = NEAR_M / 3 * np.array([0.5, 1, 1, 0.5])  # the trapezoidal rule
+
+
+class RoadMemory:
+    """The state: ``travelled_m`` so far, and what was seen where."""
+
+    def __init__(self):
+        self.travelled_m = 0.0
+        self._looks: deque[tuple[float, float]] = deque()  # place and curvature, from behind the car to ahead of it
+
+    def update(self, lane: Lane, mean: np.ndarray, *, measured: bool) -> Lane:
+        """One frame further: keep what the joint fit's ``mean`` (7,) says of the road ahead (where it was
+        ``measured``), and give back its ``lane`` with what is known of the road at the car; as it was, where nothing
+        is yet."""
+        middle = min(MIDDLE_M, sum(lane.y_range_m) / 2)
+        here, ahead, beyond, *told = centre_curvature(mean, np.array([0.0, middle, BEYOND_M, *STEPS_M])).tolist()
+        self.travelled_m += advance_m(max(abs(here), abs(beyond)))
+        if measured:
+            self._looks.append((self.travelled_m + middle, ahead))
+        while self._looks and self._looks[0][0] < self.travelled_m - 2 * BLUR_M:
+            self._looks.popleft()
+        known = self.curvature_1pm(STEPS_M)
+        if np.isnan(known).any():
+            return lane
+        # x'' = -k: where the line is right at NEAR_M, a curvature greater by dk(y) before it moves the line at the car
+        # by minus the integral of dk y dy, and the car the other way
+        shift = float((known - told) @ (STEPS_M * WEIGHTS_M))
+        return replace(lane, here=Here(float(known[0]), lane.offset_m + shift))
+
+    def curvature_1pm(self, ahead_m: np.ndarray) -> np.ndarray:
+        """Signed curvature (N,) of the road at distances (N,) from the car, 1/m; NaN where it was not seen."""
+        if not self._looks:
+            return np.full(len(ahead_m), np.nan)
+        place, curvature = np.array(self._looks).T
+        away = np.abs(place - (self.travelled_m + ahead_m)[:, None])
+        weight = np.maximum(1 - away / (2 * BLUR_M), 0.0)
+        total = weight.sum(axis=1)
+        return (weight @ curvature) / np.where(total > 0, total, np.nan)
+
+
+def centre_curvature(mean: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+    """Signed curvature (N,) of a joint fit's centre line at distances (N,), 1/m, positive to the left."""
+    _, heading, bend, rate = mean[: RATE + 1].tolist()
+    slope = heading + y_m * (2 * bend + 3 * rate * y_m)
+    return -(2 * bend + 6 * rate * y_m) * (1 + slope * slope) ** -1.5
+
+
+def advance_m(sharpest_1pm: float) -> float:
+    """How far a car comes in a frame on a road of this curvature, about."""
+    return FRAME_S * min(math.sqrt(LATERAL_MPS2 / max(sharpest_1pm, 1e-9)), FASTEST_MPS)
