@@ -18,8 +18,8 @@ from lanelib.lane import Lane
 
 
 def milliseconds(steps: Mapping[str, Callable[[], object]], *, repeat: int = 7) -> dict[str, float]:
-    """CPU time of each step in ms, the best of ``repeat`` calls in a row, in one thread: what another program takes away
-    shows in the others."""
+    """CPU time of each step in ms, the best of ``repeat`` calls in a row, in one thread: what another program takes
+    away shows in the others."""
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
