@@ -473,6 +473,15 @@ def test_a_signal_leaves_nothing_behind(place, drive, number, code):
     assert not processes_naming(str(place))
 
 
+@pytest.fixture
+def as_in_a_terminal():
+    """Ctrl-C is heard; in the background of a shell it is ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("as_in_a_terminal")
 @pytest.mark.parametrize("number, code, word", [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "ended by")])
 def test_a_signal_is_told_even_while_a_picture_is_decoded(place, capfd, monkeypatch, number, code, word):
     """Then the standard error is caught, for what libjpeg says; what lanelib says must not be lost with it."""
@@ -490,6 +499,7 @@ def test_a_signal_is_told_even_while_a_picture_is_decoded(place, capfd, monkeypa
     assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)] == before
 
 
+@pytest.mark.usefixtures("as_in_a_terminal")
 @pytest.mark.parametrize("number, code, word", [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "ended by")])
 def test_a_signal_is_one_even_where_a_library_makes_another_error_of_it(
     place, capsys, monkeypatch, number, code, word

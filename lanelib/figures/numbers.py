@@ -26,12 +26,12 @@ def board_errors(views, *, rms_px: float | None = None) -> Figure:
     if rms_px is not None:
         a.axhline(rms_px, color=INK, linestyle="--", linewidth=1.2)
         a.annotate(
-            f"all corners: {rms_px:.2f} px",
-            (1, rms_px),
+            f"all corners:\n{rms_px:.2f} px",
+            (1, rms_px),  # beside the axes: no bar is there
             xycoords=("axes fraction", "data"),
-            xytext=(-4, 4),
+            xytext=(4, 0),
             textcoords="offset points",
-            ha="right",
+            va="center",
         )
     a.set(ylabel="RMS reprojection error, px", xlabel="board", title="How well does the camera explain each board?")
     a.grid(axis="x", visible=False)
