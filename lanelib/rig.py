@@ -33,7 +33,7 @@ FAR_ROW_M = 10.0  # the farthest scan row is where one pixel of a 1280-wide fram
 EXTEND, FARTHEST_M = 2.5, 250.0
 # While a lane is tracked, only the columns around it are looked at: so far to the sides that the texture beside its
 # lines is the same as in the whole view; in steps of columns, so that few different tables are ever made.
-AROUND_M, AROUND_STEP = 3.0, 20
+AROUND_M, AROUND_STEP, MOST_AROUND = 3.0, 20, 24
 AROUND_Y_M = np.array([5.0, 10.0, 20.0, 35.0, 60.0])
 
 
@@ -193,6 +193,8 @@ class View:
         if high - low < 2 * AROUND_M / SCAN_COLUMN_M or high - low == len(self.grid.x_m):
             return self
         if (low, high) not in self._around:
+            if len(self._around) >= MOST_AROUND:
+                self._around.clear()
             self._around[low, high] = self._columns(slice(low, high))
         return self._around[low, high]
 
@@ -203,8 +205,10 @@ class View:
         view = copy(self)
         view.grid = Grid(self.grid.x_m[columns], self.grid.y_m)
         view._table = part(self._table)
-        view._half_table = self._half_table[0], part(self._half_table[1])
-        view._undistorted_table = part(self._undistorted_table)
+        made = vars(view)  # what was made on demand so far; the rest will be, of these columns
+        if "_half_table" in made:
+            view._half_table = self._half_table[0], part(self._half_table[1])
+        made.pop("_undistorted_table", None)
         return view
 
     def points(self, paint: PaintPoints) -> Points:

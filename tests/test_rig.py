@@ -13,7 +13,7 @@ from lanelib.errors import LanelibError
 from lanelib.jointfit import fit, nearby
 from lanelib.lane import Lane, Line, Surface
 from lanelib.paint import evidence_of, paint_points
-from lanelib.rig import FAR_ROW_M, RIG_FORMAT, Rig, View
+from lanelib.rig import FAR_ROW_M, MOST_AROUND, RIG_FORMAT, Rig, View
 
 RIG = rig()
 
@@ -172,7 +172,14 @@ def test_around_a_lane_there_is_the_same_to_see(bend):
     lane, view = Lane7(centre=0.3, heading=0.01, bend=bend, width=3.5), View(RIG)
     around = view.around(lane.mean)
     assert 150 < len(around.grid.x_m) < len(view.grid.x_m)
-    assert view.around(lane.mean) is around  # its tables are kept
+    assert view.around(lane.mean) is around  # its tables are kept, if not all of a long drive
+    seen = {len(view._around)}
+    for centre in np.arange(-3.0, 3.0, 0.2):
+        for heading in (-0.08, -0.04, 0.0, 0.04, 0.08):
+            view.around(Lane7(centre=centre, heading=heading, bend=bend).mean)
+            seen.add(len(view._around))
+    assert max(seen) <= MOST_AROUND and min(seen) == 1
+    around = view.around(lane.mean)
     frame = paint_frame(lane, noise=4)
     for picture in (frame, cv2.cvtColor(frame, cv2.COLOR_BGR2YUV_I420)):
         whole, part = (
