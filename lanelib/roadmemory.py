@@ -5,9 +5,9 @@ its middle; on a road that tightens, the car is told a bend that it will reach i
 where it is now lay in the middle of the view. So every curvature is kept with its place on the road, and read when the
 car is there.
 
-How far the car has come is not measured. It is taken to drive as drivers do: ``FASTEST_MPS`` on straight road, and in
-bends with 2 m/s^2 of lateral acceleration. Two thirds of that speed or twice of it still halve the error
-(tests/test_roadmemory.py), because curvature changes over tens of metres.
+How far the car has come is not measured. It is taken to drive as drivers do: ``FASTEST_MPS`` on straight road, in bends
+with 2 m/s^2 of lateral acceleration, and no faster out of a bend than cars speed up. Half of that speed or 1.5 times of
+it still halve the error (tests/test_roadmemory.py), because curvature changes over tens of metres.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from lanelib.jointfit import RATE
 from lanelib.lane import Here, Lane
 
 FASTEST_MPS, LATERAL_MPS2, FRAME_S = 30.0, 2.0, 0.04
+SPEED_UP_MPS2, SLOW_DOWN_MPS2 = 2.0, 4.0
 # What one frame says of the bend holds for the middle of what it saw, but for no place farther than this: most paint is
 # seen near by. Speed is judged by the bend here and ``BEYOND_M`` ahead.
 MIDDLE_M, BEYOND_M = 25.0, 30.0
@@ -36,6 +37,7 @@ class RoadMemory:
 
     def __init__(self):
         self.travelled_m = 0.0
+        self._step_m: float | None = None  # of the last frame
         self._looks: deque[tuple[float, float]] = deque()  # place and curvature, from behind the car to ahead of it
 
     def update(self, lane: Lane, mean: np.ndarray, *, measured: bool) -> Lane:
@@ -44,7 +46,8 @@ class RoadMemory:
         is yet."""
         middle = min(MIDDLE_M, sum(lane.y_range_m) / 2)
         here, ahead, beyond, *told = centre_curvature(mean, np.array([0.0, middle, BEYOND_M, *STEPS_M])).tolist()
-        self.travelled_m += advance_m(max(abs(here), abs(beyond)))
+        self._step_m = driven(self._step_m, advance_m(max(abs(here), abs(beyond))))
+        self.travelled_m += self._step_m
         if measured:
             self._looks.append((self.travelled_m + middle, ahead))
         while self._looks and self._looks[0][0] < self.travelled_m - 2 * BLUR_M:
@@ -78,3 +81,10 @@ def centre_curvature(mean: np.ndarray, y_m: np.ndarray) -> np.ndarray:
 def advance_m(sharpest_1pm: float) -> float:
     """How far a car comes in a frame on a road of this curvature, about."""
     return FRAME_S * min(math.sqrt(LATERAL_MPS2 / max(sharpest_1pm, 1e-9)), FASTEST_MPS)
+
+
+def driven(last_m: float | None, wanted_m: float) -> float:
+    """The way of this frame, where the last one's was ``last_m``: a car changes its speed only so fast."""
+    if last_m is None:
+        return wanted_m
+    return min(max(wanted_m, last_m - SLOW_DOWN_MPS2 * FRAME_S**2), last_m + SPEED_UP_MPS2 * FRAME_S**2)

@@ -207,7 +207,9 @@ class LaneTracker:
         confirmed = rival and self._rival is not None and not differ(fresh.mean, self._rival)
         self._rival = fresh.mean if rival else None
         if confirmed:
+            road = self.road  # another lane, the same road
             self.reset()
+            self.road = road
         return confirmed
 
     def _show(self, fit: JointFit, *, anew: bool) -> None:

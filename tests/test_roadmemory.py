@@ -10,7 +10,7 @@ from lanelib import roadmemory
 from lanelib.finder import LaneFinder
 from lanelib.lane import Lane, Line
 from lanelib.road import Road
-from lanelib.roadmemory import RoadMemory, advance_m, centre_curvature
+from lanelib.roadmemory import RoadMemory, advance_m, centre_curvature, driven
 
 # Straight, into a bend of R 80 m over 40 m, out of it into one of R 60 m to the other side: a forest road.
 FOREST = Road([0, 20, 60, 90, 140, 170], [0, 0, 1 / 80, 1 / 80, -1 / 60, -1 / 60])
@@ -46,7 +46,7 @@ def test_one_frame_tells_the_bend_ahead_and_the_memory_the_one_here():
     s, alone, told, true, offset_alone, offset = drive(FOREST)
     known = s > 20
     error, before = np.abs(told - true)[known], np.abs(alone - true)[known]
-    assert np.median(before) > 0.0025 and error.mean() < before.mean() / 3 and error.max() < 0.0045
+    assert before.mean() > 0.003 and error.mean() < before.mean() / 3 and error.max() < 0.0045
     assert np.abs(offset[known]).mean() < np.abs(offset_alone[known]).mean() / 2
 
 
@@ -105,6 +105,20 @@ def test_the_offset_is_the_integral_of_what_the_frame_missed():
 def test_advance_is_that_of_drivers():
     assert advance_m(0.0) == pytest.approx(1.2)  # 108 km/h at 25 frames a second
     assert advance_m(1 / 50) == pytest.approx(0.4)  # 36 km/h: 2 m/s^2 at R 50 m
+
+
+def test_no_car_leaps_from_a_bend_to_full_speed():
+    """From 40 km/h in a bend to 108 km/h on the straight takes ten seconds at 2 m/s^2, and half of it back."""
+    bend, straight = advance_m(1 / 60), advance_m(0.0)
+    speeding = [bend]
+    while speeding[-1] < straight:
+        speeding.append(driven(speeding[-1], straight))
+    assert 0.04 * len(speeding) == pytest.approx((straight - bend) / 0.04 / 2.0, rel=0.02)
+    slowing = [straight]
+    while slowing[-1] > bend:
+        slowing.append(driven(slowing[-1], bend))
+    assert 0.04 * len(slowing) == pytest.approx((straight - bend) / 0.04 / 4.0, rel=0.02)
+    assert driven(None, 0.7) == 0.7 and driven(0.5, 0.5) == 0.5
 
 
 def test_the_finder_uses_it_while_tracking_only():

@@ -189,7 +189,9 @@ def test_a_rival_must_win_twice_and_then_the_old_lane_is_forgotten():
     assert not tracker.is_outdone(weak, rival, lost=False) and tracker.fit is not None
     assert not tracker.is_outdone(weak, None, lost=False)  # a frame without it in between: it must begin again
     assert not tracker.is_outdone(weak, rival, lost=False)
+    road = tracker.road
     assert tracker.is_outdone(weak, rival, lost=False) and tracker.fit is None
+    assert tracker.road is road  # another lane, the same road
     tracker.update(rival)
     assert tracker.fit.mean[CENTRE] == pytest.approx(-0.6, abs=0.01)  # no mean with the lane that was left
     # the same lane again is no rival, nor is one that has less paint
