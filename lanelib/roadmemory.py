@@ -50,7 +50,8 @@ class RoadMemory:
         self.travelled_m += self._step_m
         if measured:
             self._looks.append((self.travelled_m + middle, ahead))
-        while self._looks and self._looks[0][0] < self.travelled_m - 2 * BLUR_M:
+        # two looks behind the car stay: what is between them and those ahead is known
+        while len(self._looks) > 2 and self._looks[1][0] < self.travelled_m - 2 * BLUR_M:
             self._looks.popleft()
         known = self.curvature_1pm(STEPS_M)
         if np.isnan(known).any():
@@ -61,14 +62,20 @@ class RoadMemory:
         return replace(lane, here=Here(float(known[0]), lane.offset_m + shift))
 
     def curvature_1pm(self, ahead_m: np.ndarray) -> np.ndarray:
-        """Signed curvature (N,) of the road at distances (N,) from the car, 1/m; NaN where it was not seen."""
+        """Signed curvature (N,) of the road at distances (N,) from the car, 1/m; NaN before the first and beyond the
+        last place that was seen. (Looks may lie some metres apart, where the view grew or shrank: between them it is
+        interpolated.)"""
         if not self._looks:
             return np.full(len(ahead_m), np.nan)
         place, curvature = np.array(self._looks).T
-        away = np.abs(place - (self.travelled_m + ahead_m)[:, None])
-        weight = np.maximum(1 - away / (2 * BLUR_M), 0.0)
+        asked = self.travelled_m + ahead_m
+        weight = np.maximum(1 - np.abs(place - asked[:, None]) / (2 * BLUR_M), 0.0)
         total = weight.sum(axis=1)
-        return (weight @ curvature) / np.where(total > 0, total, np.nan)
+        if total.all():
+            return (weight @ curvature) / total
+        order = np.argsort(place)
+        between = np.interp(asked, place[order], curvature[order], left=np.nan, right=np.nan)
+        return np.where(total > 0, (weight @ curvature) / np.where(total > 0, total, 1.0), between)
 
 
 def centre_curvature(mean: np.ndarray, y_m: np.ndarray) -> np.ndarray:

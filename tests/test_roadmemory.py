@@ -90,6 +90,20 @@ def test_held_frames_drive_on_over_what_was_seen():
     assert np.abs(told - true)[:known].max() < 0.0025
 
 
+def test_between_two_looks_the_road_is_interpolated():
+    """The view grew from 10 to 30 m at once: nobody looked at the 10 m between. No flicker comes of it."""
+    memory, told = RoadMemory(), []
+    for i in range(60):
+        mean, lane = frame(FOREST, memory.travelled_m)
+        far = 15.0 if i < 12 else 45.0
+        lines = (replace(line, y_range_m=(5.0, far)) for line in (lane.left, lane.right))
+        told.append(memory.update(replace(lane, left=next(lines), right=next(lines)), mean, measured=True))
+    places = np.sort([place for place, _ in memory._looks])
+    known = np.array([lane.here is not None for lane in told])
+    assert np.diff(places).max() < 14 and known[np.argmax(known) :].all() and known.sum() > 40
+    assert np.abs(np.diff([lane.curvature_1pm for lane in told])[known[1:] & known[:-1]]).max() < 0.0012
+
+
 def test_the_offset_is_the_integral_of_what_the_frame_missed():
     """A bend that begins only now: the frame prolongs its curvature k back to the car, the memory knows straight road.
     From NEAR_M back the line then departs by k NEAR_M^2 / 2."""
