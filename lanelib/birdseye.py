@@ -237,11 +237,17 @@ class BirdsEye:
         return float(-(a * (self.size_wh[0] - 1) / 2 + c) / b)
 
     def mounting(self, camera: Camera) -> dict:
-        """height_m, pitch_deg, yaw_deg, roll_deg of the camera that sees the road like this."""
-        a = np.linalg.inv(camera.camera_matrix) @ self.image_from_road
-        scale = 2 / (np.linalg.norm(a[:, 0]) + np.linalg.norm(a[:, 1]))
-        r1, r2 = a[:, 0] * scale, a[:, 1] * scale
-        u, _, vt = np.linalg.svd(np.column_stack([r1, r2, np.cross(r1, r2)]))
+        """height_m, pitch_deg, yaw_deg, roll_deg of the camera that sees the road like this; LanelibError where no
+        camera does."""
+        with np.errstate(all="ignore"):
+            a = np.linalg.inv(camera.camera_matrix) @ self.image_from_road
+            a = a / np.abs(a).max()  # its size means nothing; squares of 1e200 would overflow
+            scale = 2 / (np.linalg.norm(a[:, 0]) + np.linalg.norm(a[:, 1]))
+            r1, r2 = a[:, 0] * scale, a[:, 1] * scale
+            axes = np.column_stack([r1, r2, np.cross(r1, r2)])
+        if not np.isfinite(axes).all():
+            raise LanelibError("road_from_image shows the road as no camera does; make the rig again")
+        u, _, vt = np.linalg.svd(axes)
         rotation = u @ vt
         centre = -rotation.T @ (a[:, 2] * scale)
         forward = rotation[2]

@@ -204,6 +204,20 @@ def test_uniform_grid_covers_its_range():
     assert np.allclose(grid.x_of(grid.column_of([-1.234, 5.0])), [-1.234, 5.0])
 
 
+@pytest.mark.parametrize("size", [1e-290, 1e-150, 1e150, 1e300])
+def test_the_size_of_a_homography_means_nothing(size):
+    view = BirdsEye.from_mounting(CAMERA, **MOUNTING)
+    found = BirdsEye(view.road_from_image * size, CAMERA.size_wh).mounting(CAMERA)
+    assert found == pytest.approx(MOUNTING, abs=1e-6)
+
+
+def test_a_road_that_no_camera_sees_is_refused():
+    """Invertible by the skin of its teeth, and its inverse is beyond all numbers."""
+    matrix = np.diag([1e-308, 1e-308, 1e-308]) @ BirdsEye.from_mounting(CAMERA, **MOUNTING).road_from_image
+    with pytest.raises(LanelibError, match="no camera"):
+        BirdsEye(matrix, CAMERA.size_wh).mounting(CAMERA)
+
+
 def test_a_grid_with_rows_of_perspective_has_no_homography():
     with pytest.raises(LanelibError, match="equal rows"):
         _ = Grid(np.arange(5), 1 / np.arange(1, 6)).road_from_pixel
