@@ -238,8 +238,8 @@ class LaneFinder:
             spent = milliseconds_since(begin)
             return LaneResult(None, "none", reason, 0.0, checks, size_wh=view.rig.size_wh, milliseconds=spent)
         lane = view.lane(fit)
-        if self.track and self.tracker.smoothing == "kalman":
-            lane = self.tracker.road.update(lane, fit.mean, measured=status == "measured")
+        if self.track:
+            lane = self.tracker.at_car(lane, measured=status == "measured")
         lines_px = cache(partial(view.lines_px, lane))  # in metres it is known now; in pixels when someone asks
         left, right = (lambda: lines_px()[0]), (lambda: lines_px()[1])
         confidence = confidence_of(fit) * trust

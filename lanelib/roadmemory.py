@@ -6,8 +6,9 @@ where it is now lay in the middle of the view. So every curvature is kept with i
 car is there.
 
 How far the car has come is not measured. It is taken to drive as drivers do: ``FASTEST_MPS`` on straight road, in bends
-with 2 m/s^2 of lateral acceleration, and no faster out of a bend than cars speed up. Half of that speed or 1.5 times of
-it still halve the error (tests/test_roadmemory.py), because curvature changes over tens of metres.
+with 2 m/s^2 of lateral acceleration, and no faster out of a bend than cars speed up. Curvature changes over tens of
+metres, so that need not be exact: a car half as fast is still told half the error, one 1.5 times as fast two thirds of
+it, only one twice as fast gains nothing on a winding road (tests/test_roadmemory.py; the rendered forest).
 """
 
 from __future__ import annotations

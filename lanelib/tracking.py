@@ -36,12 +36,13 @@ from lanelib.jointfit import (
     holds_car,
     rate_std,
 )
+from lanelib.lane import Lane
 from lanelib.roadmemory import RoadMemory
 
 # How far each number departs from its prediction: standard deviation of a step from frame to frame at 25 frames a
 # second. Centre: 0.4 m/s sideways; heading: 0.09 radians a second; bend: from straight to R 60 m in a second; rate: by
-# its memory, below; width: 0.2 m/s; pitch: 6 degrees a second over bumps. Twice of these wobble on a motorway, a
-# quarter of them lag on a winding road (notebook 05).
+# its memory, below; width: 0.2 m/s; pitch: 6 degrees a second over bumps. A third or three times of these do as
+# well; a tenth lags, ten times lose the lane (notebook 05).
 STEP_STD = np.array([0.016, 0.0035, 4e-4, np.nan, 0.0075, 0.004, 6e-5])
 # What is shown lies ALPHA of the way from where it was going to the new fit. How the lane changes from frame to frame
 # is learned from each surprise by BETA of it, and forgotten within a second. (Alpha-beta filter: Brookner, Tracking and
@@ -174,6 +175,13 @@ class LaneTracker:
         self._history.append(self.fit if handover else fit)
         self._show(self.fit, anew=handover)
         return Event("measured", 0, "", handover)
+
+    def at_car(self, lane: Lane, *, measured: bool) -> Lane:
+        """The ``shown`` lane with what was seen of the road at the car when it lay ahead; once a frame. The classic
+        smoothers stay what they are."""
+        if self.smoothing != "kalman":
+            return lane
+        return self.road.update(lane, self.shown.mean, measured=measured)
 
     def known_inward(self) -> tuple[float, float] | None:
         """How much further in a double line's boundary lies, as the last frames said; None when it is time to look

@@ -131,7 +131,7 @@ def function(answer, cases, judge: Callable[..., Verdict], **options) -> Verdict
     if not callable(answer):
         return not_yet(f"a function is needed, found {type(answer).__name__}; leave out the brackets")
     verdict = right()
-    for number_of, (arguments, expected) in enumerate(cases):
+    for i, (arguments, expected) in enumerate(cases):
         given = [one.copy() if isinstance(one, np.ndarray) else one for one in arguments]
         try:
             result = answer(*given)
@@ -140,7 +140,7 @@ def function(answer, cases, judge: Callable[..., Verdict], **options) -> Verdict
         if any(isinstance(a, np.ndarray) and not np.array_equal(a, b) for a, b in zip(arguments, given, strict=True)):
             return not_yet("your function changes its argument; work on a copy, or make a new array")
         if result is None or result is Ellipsis:
-            if number_of:
+            if i:  # it has answered before
                 return not_yet(f"{_call(answer, arguments)} returns nothing; every way through it needs a `return`")
             return not_yet("the function returns nothing so far; write its body, and `return` the result")
         verdict = judge(result, expected, **options)
