@@ -34,7 +34,6 @@ from lanelib.draw.overlays import _card as read_out
 from lanelib.evaluate import table
 from lanelib.finder import LaneFinder
 from lanelib.hypotheses import hypotheses
-from lanelib.lane import check_lane
 from lanelib.paint import evidence_of, paint_points
 from lanelib.pictures import read_image, write_bytes
 from lanelib.result import line_at_rows
@@ -75,13 +74,8 @@ def stage_costs(rig: Rig, stills: list[np.ndarray], rounds: int) -> tuple[dict[s
 
     def track(r):
         fit = r["result"].fit
-        near = jointfit.nearby(r["points"], fit.mean, gate=2 * jointfit.TRACK_GATES[0])
-        prior = jointfit.Prior(fit.mean, fit.covariance + step)
-        jointfit.fit(near, fit.mean, prior=prior, gates=jointfit.TRACK_GATES, reach_m=jointfit.SEARCH_REACH_M[-1:])
-
-    def metres(r):
-        view._last = None  # it would be kept
-        check_lane(view.lane(r["result"].fit))
+        prior, reach_m = jointfit.Prior(fit.mean, fit.covariance + step), jointfit.SEARCH_REACH_M[-1:]
+        jointfit.fit(r["points"], fit.mean, prior=prior, gates=jointfit.TRACK_GATES, reach_m=reach_m)
 
     def card(r):
         read_out.cache_clear()  # in a video the numbers change with every frame
@@ -95,7 +89,7 @@ def stage_costs(rig: Rig, stills: list[np.ndarray], rounds: int) -> tuple[dict[s
         "hypotheses (fresh search)": lambda r: hypotheses(r["points"]),
         "fits (fresh search)": lambda r: jointfit.fits(r["points"], r["starts"]),
         "fit (tracking)": track,
-        "lines in metres, checked": metres,
+        "lines in metres": lambda r: view.lane(r["result"].fit),
         "lines in pixels (on demand)": lambda r: view.lines_px(r["result"].lane),
         "overlay, BGR": lambda r: draw.overlay_bgr(r["canvas"], r["result"]),
         "overlay, YUV planes": lambda r: draw.overlay_yuv420(r["canvas_yuv"], r["result"]),

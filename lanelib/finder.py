@@ -23,12 +23,12 @@ from lanelib.doubleline import inward
 from lanelib.errors import LanelibError
 from lanelib.hypotheses import hypotheses
 from lanelib.jointfit import JointFit, Points
-from lanelib.lane import Check, Lane, check_lane
+from lanelib.lane import Check, Lane, check_lane, check_size
 from lanelib.neighbours import MOST_LANES, find_neighbours
 from lanelib.paint import evidence_of, paint_points
 from lanelib.result import LaneResult, line_at_rows
 from lanelib.rig import SCAN_COLUMN_M, Rig, View
-from lanelib.tracking import LaneTracker
+from lanelib.tracking import FIT_ADDS, LaneTracker
 
 __all__ = ["LaneFinder", "LaneResult", "Rig", "View", "confidence_of", "line_at_rows"]
 
@@ -164,20 +164,23 @@ class LaneFinder:
 
     def _search(self, frame: np.ndarray, view: View):
         """The best lane anywhere, as before the first frame."""
-        points, picture = self.points(frame, view)
+        return self._best(*self.points(frame, view), view)
+
+    def _best(self, points: Points, picture: np.ndarray, view: View, *, least_energy: float = -math.inf):
+        """The best lane that these paint points can be; starts estimated below ``least_energy`` are not followed."""
         prior = self.tracker.background
-        fits = jointfit.fits(points, hypotheses(points, prior=prior), prior=prior)
+        starts = hypotheses(points, prior=prior, least_energy=least_energy)
+        fits = jointfit.fits(points, starts, prior=prior)
         best = max((f for f in fits if jointfit.holds_car(f.mean)), key=lambda f: f.energy, default=None)
-        return self._judge(best and replace(best, inward_m=inward(best, picture, view.grid)), view)
+        return self._judge(best and replace(best, inward_m=inward(best, picture, view.grid)))
 
     def _track(self, frame: np.ndarray, view: View):
-        """The lane near where the last one was; in doubt, a fresh search challenges it."""
+        """The lane near where the last one was; now and then, and in doubt, a fresh search challenges it."""
         prediction = self.tracker.predict()
         around = view.around(prediction.mean)
         points, picture = self.points(frame, around)
-        near = jointfit.nearby(points, prediction.mean, gate=2 * jointfit.TRACK_GATES[0])
         fit = jointfit.fit(
-            near,
+            points,
             prediction.mean,
             prior=self.tracker.fit_prior(prediction),
             gates=jointfit.TRACK_GATES,
@@ -185,14 +188,19 @@ class LaneFinder:
         )
         known = self.tracker.known_inward()
         fit = replace(fit, inward_m=inward(fit, picture, around.grid) if known is None else known)
-        tracked = self._judge(fit, view)
-        if self.tracker.is_in_doubt(fit, lost=tracked[0] is None):
-            fresh = self._search(frame, view)
-            if self.tracker.is_outdone(fit, fresh[0], lost=tracked[0] is None):
+        tracked = self._judge(fit)
+        lost = tracked[0] is None
+        if self.tracker.is_in_doubt(fit, lost=lost):
+            if lost:  # all of the frame is looked at once more
+                fresh = self._search(frame, view)
+            else:
+                least = self.tracker.energy_needed(fit) - FIT_ADDS
+                fresh = self._best(points, picture, around, least_energy=least)
+            if self.tracker.is_outdone(fit, fresh[0], lost=lost):
                 return fresh
         return tracked
 
-    def _judge(self, fit: JointFit | None, view: View) -> tuple[JointFit | None, str, tuple[Check, ...]]:
+    def _judge(self, fit: JointFit | None) -> tuple[JointFit | None, str, tuple[Check, ...]]:
         """The fit, or None and the reason why it is no lane; the sanity checks."""
         if fit is None:
             return None, "no paint that could be a pair of lane lines", ()
@@ -205,11 +213,9 @@ class LaneFinder:
             )
         if confidence_of(fit) < MINIMUM_CONFIDENCE:
             return None, f"what paint there is does not lie on two lines ({fit.rms_px:.0f} px off on average)", ()
-        checks = check_lane(view.lane(fit))
-        failed = next((c for c in checks if not c.ok), None)
-        if failed:
-            return None, f"implausible lane: {failed.name} {failed.value:.3g}, allowed {failed.limit}", checks
-        return fit, "", checks
+        # parallel curves by construction: of the sanity checks these two can fail
+        checks = check_size(fit.width_m, fit.curvature_1pm)
+        return (fit, "", checks) if all(c.ok for c in checks) else (None, implausible(checks), checks)
 
     # ------------------------------------------------------------------ the classic model
     def _measure_windows(self, frame: np.ndarray, view: View):
@@ -221,9 +227,8 @@ class LaneFinder:
             return None, pixels.reason or next(line.reason for line in (left, right) if not line), ()
         lane = Lane(left, right)
         checks = check_lane(lane, last)
-        failed = next((c for c in checks if not c.ok), None)
-        if failed:
-            return None, f"implausible lane: {failed.name} {failed.value:.3g}, allowed {failed.limit}", checks
+        if not all(c.ok for c in checks):
+            return None, implausible(checks), checks
         return windows.joint_state(left, right, pixels, view.metric.grid, view.height_m, view.grid.y_m), "", checks
 
     # ------------------------------------------------------------------ the outcome
@@ -245,6 +250,12 @@ class LaneFinder:
         confidence = confidence_of(fit) * trust
         spent = milliseconds_since(begin)
         return LaneResult(lane, status, reason, confidence, checks, left, right, view.rig.size_wh, spent, fit)
+
+
+def implausible(checks: tuple[Check, ...]) -> str:
+    """The reason of a lane that failed one of its sanity checks."""
+    failed = next(c for c in checks if not c.ok)
+    return f"implausible lane: {failed.name} {failed.value:.3g}, allowed {failed.limit}"
 
 
 def milliseconds_since(begin: float) -> float:

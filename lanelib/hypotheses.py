@@ -34,7 +34,7 @@ X_BINS_M = -X_REACH_M + X_STEP_M * (np.arange(round(2 * X_REACH_M / X_STEP_M)) +
 NEAREST_X_M = 0.3  # a line closer to the car's middle is none of its lane's
 FARTHEST_M = 45.0  # beyond, a bearing step is much wider than the paint; the fit looks further
 GROUPS = 11  # the bends vote in so many groups: their arrays then stay in the processor's cache
-LEAST_WEIGHT, MOST_VOTERS = 0.1, 110  # the strongest points decide; more of them cost time and change nothing
+LEAST_WEIGHT, MOST_VOTERS = 0.1, 75  # the strongest points decide; more of them cost time and change nothing
 PARTNERS = 4  # a dash of our lane, of the next one, a speck: with few points the best of them is not always ours
 WIDTHS_PITCHES = np.array([(w, np.deg2rad(p)) for w in np.arange(2.6, 4.65, 0.1) for p in np.arange(-2.4, 2.41, 0.3)])
 ALIKE = np.abs(WIDTHS_PITCHES[:, None] - WIDTHS_PITCHES) @ (1, 40) <= 0.5  # which of them would lead to the same fit
@@ -141,12 +141,16 @@ def partners(points: Points, lines: np.ndarray, prior: Prior) -> tuple[np.ndarra
     return energy, np.column_stack([centre, heading, a, d, width, pitch, np.zeros_like(c)])
 
 
-def hypotheses(points: Points, *, prior: Prior = UNKNOWN_ROAD, count: int = 3) -> list[np.ndarray]:
-    """The ``count`` most promising different lanes around the car, as means (7,), best first."""
+def hypotheses(
+    points: Points, *, prior: Prior = UNKNOWN_ROAD, count: int = 3, least_energy: float = -np.inf
+) -> list[np.ndarray]:
+    """The ``count`` most promising different lanes around the car, as means (7,), best first; only those estimated to
+    have at least ``least_energy``."""
     if len(points) < 4:
         return []
     energy, means = partners(points, single_lines(points), prior)
-    means = means[np.argsort(-energy, kind="stable")]
+    order = np.argsort(-energy, kind="stable")
+    means = means[order[energy[order] >= least_energy]]
     means = means[holds_car(means)]
     places = landmarks(means)
     found: list[int] = []

@@ -108,12 +108,22 @@ class JointFit:
         left, right = self.support.sum(axis=1).tolist()
         return left, right
 
+    @property
+    def width_m(self) -> float:
+        """Width of the lane between the inner lines."""
+        return float(self.mean[WIDTH]) - sum(self.inward_m)
+
+    @property
+    def curvature_1pm(self) -> float:
+        """Signed curvature of the centre line at the car, positive to the left."""
+        return float(-2 * self.mean[BEND] * (1 + self.mean[HEADING] ** 2) ** -1.5)
+
     def lane(self, near_m: float, y0_of_row: np.ndarray) -> Lane:
         """The estimate as two lines in metres, seen from ``near_m`` to the farthest row with paint."""
         surface = Surface(self.height_m, float(self.mean[PITCH]), float(self.mean[HILL]))
         mean = self.mean.copy()
         mean[CENTRE] += (self.inward_m[0] - self.inward_m[1]) / 2
-        mean[WIDTH] -= sum(self.inward_m)
+        mean[WIDTH] = self.width_m
         reach = farthest_paint(self.support, y0_of_row, self.mean, self.height_m, near_m)
         length = max(*reach, 10.0)
         cubics = line_x(length * SAMPLES, mean, SIDES) @ CUBIC_OF_SAMPLES.T * length ** -np.arange(3.0, -0.5, -1)
@@ -194,7 +204,7 @@ def holds_car(mean) -> bool:
 
 SEARCH_GATES = (27, 16, 10, 7, 5, 4, 4)  # widths of the biweight in standard deviations, step by step
 SEARCH_REACH_M = (35, 45, 60, 85, 120, 140)  # from near to far: a bend shows its sign before its size
-TRACK_GATES = (9, 5, 4)
+TRACK_GATES = (8, 4)
 
 
 def fit(
@@ -304,13 +314,6 @@ def rate_std(mean: np.ndarray) -> np.ndarray:
     bend = mean[..., BEND]
     sharpest = 2 * np.maximum(abs(bend), abs(bend + 90 * mean[..., RATE]))  # at the car and 30 m ahead
     return 3e-7 + sharpest**1.5 / 2**1.5 / 18
-
-
-def nearby(points: Points, mean: np.ndarray, *, gate: float) -> Points:
-    """The points within ``gate`` standard deviations of either line of ``mean``: all that tracking needs."""
-    near = np.flatnonzero(np.abs(outward(points, mean)[1]) < gate * points.std)
-    chosen = (array[near] for array in (points.bearing, points.inverse, points.row, points.weight))
-    return Points(*chosen, points.focal_px, points.height_m, points.n_rows)
 
 
 def paint_value(rows):

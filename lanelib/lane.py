@@ -292,8 +292,18 @@ class Check:
         return f"{'ok  ' if self.ok else 'FAIL'} {self.name}: {self.value:.4g} ({self.limit})"
 
 
+def check_size(width_m: float, curvature_1pm: float, *, limits: Limits = Limits()) -> tuple[Check, Check]:
+    """Whether a road can have lanes of this width, and bends this sharp."""
+    low, high = limits.width_m
+    tightest = 1 / max(abs(curvature_1pm), 1e-9)
+    return (
+        Check("width", width_m, f"{low}-{high} m", low <= width_m <= high),
+        Check("radius", tightest, f"at least {limits.radius_m} m", tightest >= limits.radius_m),
+    )
+
+
 def check_lane(lane: Lane, previous: Lane | None = None, *, limits: Limits = Limits()) -> tuple[Check, ...]:
-    """Every sanity check on ``lane``; the last one only where there is a ``previous`` lane."""
+    """Every sanity check on a lane of two separate lines; the last one only where there is a ``previous`` lane."""
     far = min(20.0, max(lane.y_range_m[1], 5.0))
     places = (0.0, far / 3, 2 * far / 3, far)
     gap = min(lane.right.x(y) - lane.left.x(y) for y in places)
@@ -305,11 +315,10 @@ def check_lane(lane: Lane, previous: Lane | None = None, *, limits: Limits = Lim
         for line, side in ((lane.left, -1), (lane.right, 1))
     ]
     bends = abs(at_centre[0] - at_centre[1])
-    tightest = 1 / max(abs(lane.curvature_1pm), 1e-9)
-    low, high = limits.width_m
+    size, radius = check_size(width, lane.curvature_1pm, limits=limits)
     checks = [
         Check("order", gap, "the left line stays left of the right one: more than 0 m apart", gap > 0),
-        Check("width", width, f"{low}-{high} m", low <= width <= high),
+        size,
         Check(
             "parallel",
             change,
@@ -322,7 +331,7 @@ def check_lane(lane: Lane, previous: Lane | None = None, *, limits: Limits = Lim
             f"both lines give the centre the same curvature within {limits.curvature_difference_1pm} 1/m",
             bends <= limits.curvature_difference_1pm,
         ),
-        Check("radius", tightest, f"at least {limits.radius_m} m", tightest >= limits.radius_m),
+        radius,
     ]
     if previous is not None:
         jump = max(

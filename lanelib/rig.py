@@ -33,7 +33,7 @@ FAR_ROW_M = 10.0  # the farthest scan row is where one pixel of a 1280-wide fram
 EXTEND, FARTHEST_M = 2.5, 250.0
 # While a lane is tracked, only the columns around it are looked at: so far to the sides that the texture beside its
 # lines is the same as in the whole view; in steps of columns, so that few different tables are ever made.
-AROUND_M, AROUND_STEP, MOST_AROUND = 3.0, 20, 24
+AROUND_M, AROUND_STEP, MOST_AROUND = 2.25, 10, 24
 AROUND_Y_M = np.array([5.0, 10.0, 20.0, 35.0, 60.0])
 
 
@@ -132,7 +132,6 @@ class View:
 
     def __init__(self, rig: Rig):
         self.rig, self.grid = rig, rig.scan_grid
-        self._last: tuple[JointFit, Lane] | None = None
         self._around: dict[tuple[int, int], View] = {}
         self._table = rig.birdseye.table(rig.camera, self.grid)
         self._inverse_y = 1 / self.grid.y_m
@@ -232,10 +231,7 @@ class View:
 
     def lane(self, fit: JointFit) -> Lane:
         """A fit as two lines in metres."""
-        # asked for twice in a frame: to be judged, and as the outcome
-        if self._last is None or self._last[0] is not fit:
-            self._last = fit, fit.lane(self.rig.near_m, self.grid.y_m)
-        return self._last[1]
+        return fit.lane(self.rig.near_m, self.grid.y_m)
 
     def lines_px(self, lane: Lane, *, count: int = 48) -> tuple[np.ndarray, np.ndarray]:
         """Both lines in pixels of the frame as given, from the lower edge to where the lane is known."""

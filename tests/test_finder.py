@@ -15,6 +15,7 @@ from lanelib.errors import LanelibError
 from lanelib.evaluate import metric_score, pixel_score, score
 from lanelib.finder import LaneFinder, Rig, confidence_of
 from lanelib.labels import read_labels
+from lanelib.rig import View
 from lanelib.road import CarPose, Marking, Mounting, Road
 from lanelib.simulator import Scene, render_road
 from lanelib.threshold import RECIPES
@@ -275,6 +276,25 @@ def test_without_tracking_frames_do_not_know_of_each_other():
     first.pop("run_time"), again.pop("run_time")
     assert first == again
     assert LaneFinder(RIG, track=False).process(NO_ROADS["black"]).status == "none"
+
+
+def test_a_tracked_lane_gives_way_to_a_better_one(monkeypatch):
+    """The left line is painted anew 0.7 m further out, its ghost stays. Tracking alone would follow the ghost; a fresh
+    search among the points that were seen finds the new line, and one frame later it is taken."""
+    old = Lane7(centre=0.3, width=3.0)
+    new = Lane7(centre=0.3 - 0.35, width=3.7)
+    frame = paint_frame(new, size_wh=SMALL, extra=[(lambda y: old.x(y, -1), 0.13, (108, 108, 108))])
+    looks = []
+    seen = View.paint_channels
+    monkeypatch.setattr(View, "paint_channels", lambda view, f: looks.append(1) or seen(view, f))
+    finder = LaneFinder(RIG)
+    for _ in range(3):
+        check_lines(finder.process(paint_frame(old, size_wh=SMALL)), old)
+    looks.clear()
+    widths = [finder.process(frame).width_m for _ in range(12)]
+    assert len(looks) == len(widths)
+    assert widths[0] == pytest.approx(old.width, abs=0.1)
+    check_lines(finder.process(frame), new)
 
 
 def test_a_lost_lane_is_held_and_then_none():

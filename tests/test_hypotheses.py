@@ -10,10 +10,12 @@ from lanelib.hypotheses import (
     BEARINGS,
     BENDS,
     FARTHEST_M,
+    MOST_VOTERS,
     X_BINS_M,
     X_REACH_M,
     X_STEP_M,
     hypotheses,
+    partners,
     refined_lines,
     single_lines,
     votes,
@@ -99,6 +101,19 @@ def test_each_hypothesis_is_another_lane():
     assert len(hypotheses(p, count=1)) == 1
 
 
+def test_starts_that_are_worth_too_little_are_left_out():
+    """Two lanes beside each other, ours with less paint: what is asked for decides which of them are named."""
+    p = joined(dashed(Lane7(0.9, width=3.6)), points_on_lane(Lane7(-2.7, width=3.6)))
+    estimated, means = partners(p, single_lines(p), UNKNOWN_ROAD)
+    worth = {tuple(mean): energy for energy, mean in zip(estimated, means, strict=True)}
+    starts = hypotheses(p)
+    energies = [worth[tuple(start)] for start in starts]
+    assert len(starts) > 1 and energies == sorted(energies, reverse=True)
+    between = (energies[0] + energies[1]) / 2
+    assert np.array_equal(hypotheses(p, least_energy=between), starts[:1])
+    assert hypotheses(p, least_energy=energies[0] + 1e-6) == []
+
+
 @pytest.mark.parametrize("bend", [0.0, 1 / 160])
 def test_the_oncoming_lane_is_not_ours_however_clear_its_lines(bend):
     """Forest road: double line and far edge line in the sun, our own edge line a few specks in the shade."""
@@ -130,8 +145,8 @@ def test_votes_peak_at_the_line():
     lane = Lane7(centre=0.1, heading=0.04, width=3.7 / np.hypot(1, 0.04))
     p = points_on_lane(lane, sides=(-1,))
     table = votes(p)
-    # the best of the coarse bins holds most of the paint between the car and 45 m
-    assert table.max() > 0.6 * p.weight[p.inverse > 1 / 45].sum()
+    # the best of the coarse bins holds most of the paint between the car and 45 m that has a vote
+    assert table.max() > 0.6 * min(p.weight[p.inverse > 1 / 45].sum(), MOST_VOTERS)
     d, a, b, c = single_lines(p)[0]
     y = np.array([5.0, 15, 30])
     np.testing.assert_allclose(c + b * y + a * y**2 + d * y**3, lane.x(y, -1), atol=0.02)
@@ -146,7 +161,7 @@ def clutter(n, seed):
 
 def test_votes_are_counted_as_a_histogram_would():
     """Line by line, with numpy's histogram; a point on the edge of a bin may fall to either side."""
-    p = clutter(80, 1)
+    p = clutter(70, 1)
     table, near = votes(p), p.inverse > 1 / FARTHEST_M
     y, bearing, weight = 1 / p.inverse[near], p.bearing[near], p.weight[near]
     edges = np.linspace(-X_REACH_M, X_REACH_M, len(X_BINS_M) + 1)

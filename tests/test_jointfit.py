@@ -29,7 +29,6 @@ from lanelib.jointfit import (
     fits,
     landmarks,
     line_x,
-    nearby,
     rate_std,
     supported_rows,
 )
@@ -350,7 +349,7 @@ def test_landmarks_are_where_the_lines_are():
         np.testing.assert_allclose(landmarks(lane), marks)
 
 
-def test_nearby_keeps_what_tracking_needs():
+def test_points_between_the_lines_do_not_move_a_tracked_lane():
     rng = np.random.default_rng(8)
     p = points_on_lane(WINDING)
     far_off = points(
@@ -360,12 +359,20 @@ def test_nearby_keeps_what_tracking_needs():
         np.ones(200),
         1100.0,
         1.3,
-    )  # between the lines, 1 m and more from both
-    kept = nearby(joined(p, far_off), WINDING.mean, gate=9.0)
-    assert len(kept) == len(p)
+    )  # 1 m and more from both lines
     np.testing.assert_allclose(
-        fit(kept, WINDING.mean, gates=TRACK_GATES).mean, fit(p, WINDING.mean, gates=TRACK_GATES).mean
+        fit(joined(p, far_off), WINDING.mean, gates=TRACK_GATES).mean, fit(p, WINDING.mean, gates=TRACK_GATES).mean
     )
+
+
+def test_width_and_curvature_of_a_fit_are_those_of_its_lines():
+    for lane in (WINDING, Lane7(0.4, 0.08, 1 / 300, width=3.2), Lane7(-0.5, -0.2, -1 / 60)):
+        found = replace(fit(points_on_lane(lane), lane.mean), inward_m=(0.1, 0.05))
+        lines = found.lane(4.0, 1 / np.linspace(1 / 60, 1 / 4, 136))
+        assert found.width_m == pytest.approx(lines.width_m(), abs=0.01)
+        at_centre = [line.curvature_1pm() / (1 - side * line.curvature_1pm() * found.width_m / 2)
+                     for line, side in ((lines.left, -1), (lines.right, 1))]
+        assert found.curvature_1pm == pytest.approx(np.mean(at_centre), rel=0.05)
 
 
 def test_wild_starts_and_points_stay_finite():
