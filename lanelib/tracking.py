@@ -59,7 +59,9 @@ CLEAR_ROWS = 5.0  # with so many rows of paint on the weaker line the tracked la
 FADING = 0.8
 CHECK_EVERY = 10  # without doubt, too, every tenth frame: a guard rail's foot has paint enough to be followed
 LOOK_AGAIN = 4  # in doubt, every fourth frame is searched afresh ...
-RIVAL_ENERGY = 3.0  # ... and another lane takes over when it is worth this much more, in two frames running
+# ... and what is found takes over when it is worth so much more, in two frames running: the same lane with a better
+# pitch, or another lane, which on a followed road is the less likely
+BETTER_ENERGY, OTHER_ENERGY = 3.0, 5.0
 FIT_ADDS = 4.0  # a fit was worth at most 3.2 more than its start was estimated to be, in every check of every clip
 LOOK_AT_WIDTH = 4  # whether a line is a double one is looked at in every fourth frame
 HOLD_FRAMES = 12  # half a second at 25 frames a second: longer, and the car has left what was known
@@ -207,14 +209,17 @@ class LaneTracker:
             self._unchecked = 0
         return look
 
-    def energy_needed(self, tracked: JointFit) -> float:
-        """What another lane must be worth to take over from the ``tracked`` one."""
-        return energy_of(tracked.mean, tracked.support, self.background) + RIVAL_ENERGY
+    def energy_needed(self, tracked: JointFit, *, other: bool = False) -> float:
+        """What a lane must be worth to take over from the ``tracked`` one; ``other``: it is not the same lane."""
+        more = OTHER_ENERGY if other else BETTER_ENERGY
+        return energy_of(tracked.mean, tracked.support, self.background) + more
 
     def is_outdone(self, tracked: JointFit, fresh: JointFit | None, *, lost: bool) -> bool:
         """Whether a fresh search found a lane that explains the frame better, for the second time in succession; the
         old one is then forgotten. It may be another lane, or the same one with the pitch right."""
-        rival = fresh is not None and (lost or fresh.energy > self.energy_needed(tracked))
+        rival = fresh is not None
+        if rival and not lost:
+            rival = fresh.energy > self.energy_needed(tracked, other=differ(fresh.mean, tracked.mean))
         confirmed = rival and self._rival is not None and not differ(fresh.mean, self._rival)
         self._rival = fresh.mean if rival else None
         if confirmed:

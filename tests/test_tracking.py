@@ -8,7 +8,7 @@ from roads import SIZE_WH, Lane7, joined, points_on_grid, points_on_lane, rig
 
 from lanelib.errors import LanelibError
 from lanelib.finder import LaneFinder
-from lanelib.jointfit import BEND, CENTRE, HEADING, PITCH, UNKNOWN_ROAD, WIDTH, energy_of, fit, line_x
+from lanelib.jointfit import BEND, CENTRE, HEADING, PITCH, UNKNOWN_ROAD, WIDTH, differ, energy_of, fit, line_x
 from lanelib.tracking import HOLD_FRAMES, SMOOTHING, LaneTracker, handed_over
 
 LANE = Lane7(centre=0.2, heading=0.01, bend=-1 / 800, width=3.6)
@@ -179,6 +179,19 @@ def test_a_wrong_lane_is_not_held(wrong):
             results.append(f.process(BLANK))
         right = [bool(r) and abs(r.offset_m + 0.5) < 0.15 and abs(r.width_m - 3.7) < 0.2 for r in results]
         assert all(right[25 if remains else 13 :]), right
+
+
+def test_another_lane_must_be_worth_more_than_the_same_one_put_right():
+    old = fitted(LANE)
+    worth = energy_of(old.mean, old.support, UNKNOWN_ROAD)
+    same = replace(old, mean=old.mean + 0.01 * (np.arange(7) == PITCH))
+    other = replace(old, mean=old.mean - 0.6 * (np.arange(7) == CENTRE))
+    assert not differ(same.mean, old.mean) and differ(other.mean, old.mean)
+    for more, taken in ((2.5, (False, False)), (4.0, (True, False)), (5.5, (True, True))):
+        for rival, takes in zip((same, other), taken, strict=True):
+            tracker = LaneTracker()
+            outcome = [tracker.is_outdone(old, replace(rival, energy=worth + more), lost=False) for _ in range(2)]
+            assert outcome == [False, takes]
 
 
 def test_a_rival_must_win_twice_and_then_the_old_lane_is_forgotten():
