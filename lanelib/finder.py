@@ -167,11 +167,11 @@ class LaneFinder:
         return self._best(*self.points(frame, view), view)
 
     def _best(self, points: Points, picture: np.ndarray, view: View, *, least_energy: float = -math.inf):
-        """The best lane that these paint points can be; starts estimated below ``least_energy`` are not followed."""
+        """The best lane around the car that these paint points can be; starts estimated below ``least_energy`` are not followed."""
         prior = self.tracker.background
         starts = hypotheses(points, prior=prior, least_energy=least_energy)
         fits = jointfit.fits(points, starts, prior=prior)
-        best = max((f for f in fits if jointfit.holds_car(f.mean)), key=lambda f: f.energy, default=None)
+        best = max((f for f in fits if jointfit.holds_car(f.mean, beside_m=0.0)), key=lambda f: f.energy, default=None)
         return self._judge(best and replace(best, inward_m=inward(best, picture, view.grid)))
 
     def _track(self, frame: np.ndarray, view: View):

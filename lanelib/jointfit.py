@@ -197,9 +197,9 @@ def apart(a, b) -> bool:
 BESIDE_M = 0.25  # so far beyond a line the car's centre may be before another lane is its own: no flicker on a line
 
 
-def holds_car(mean) -> bool:
-    """Whether the car is in this lane (..., 7), or astride one of its lines."""
-    return abs(mean[..., CENTRE]) <= mean[..., WIDTH] / 2 + BESIDE_M
+def holds_car(mean, *, beside_m: float = BESIDE_M) -> bool:
+    """Whether the car is in this lane (..., 7), or at most ``beside_m`` beyond one of its lines."""
+    return abs(mean[..., CENTRE]) <= mean[..., WIDTH] / 2 + beside_m
 
 
 SEARCH_GATES = (27, 16, 10, 7, 5, 4, 4)  # widths of the biweight in standard deviations, step by step

@@ -278,6 +278,14 @@ def test_without_tracking_frames_do_not_know_of_each_other():
     assert LaneFinder(RIG, track=False).process(NO_ROADS["black"]).status == "none"
 
 
+@pytest.mark.parametrize("beyond_m", [0.1, 0.4])
+def test_a_lane_that_does_not_hold_the_car_is_not_begun(beyond_m):
+    """The car is beyond the right line of a painted lane; to its right there is nothing."""
+    beside = Lane7(centre=-1.8 - beyond_m, width=3.6)
+    result = LaneFinder(RIG).process(paint_frame(beside, size_wh=SMALL))
+    assert result.lane is None or result.lane.left.x(5.0) < 0 < result.lane.right.x(5.0)
+
+
 def test_a_tracked_lane_gives_way_to_a_better_one(monkeypatch):
     """The left line is painted anew 0.7 m further out, its ghost stays. Tracking alone would follow the ghost; a fresh
     search among the points that were seen finds the new line, and one frame later it is taken."""
