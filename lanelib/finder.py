@@ -167,7 +167,8 @@ class LaneFinder:
         return self._best(*self.points(frame, view), view)
 
     def _best(self, points: Points, picture: np.ndarray, view: View, *, least_energy: float = -math.inf):
-        """The best lane around the car that these paint points can be; starts estimated below ``least_energy`` are not followed."""
+        """The best lane around the car that these paint points can be; starts estimated below ``least_energy`` are not
+        followed."""
         prior = self.tracker.background
         starts = hypotheses(points, prior=prior, least_energy=least_energy)
         fits = jointfit.fits(points, starts, prior=prior)

@@ -4,6 +4,8 @@ One table a notebook: (checker, answer, None where it is right, else words that 
 """
 
 import math
+from decimal import Decimal
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -52,6 +54,8 @@ N00 = [
     ("sideways_m", lambda r, y: y * y / 2 / r / 1000, "1000 times too small"),
     ("sideways_m", lambda r, y: 2 * r / y**2, "one divided by"),
     ("seconds_to_line", lambda g, a, v: g / (math.tan(math.radians(a)) * v / 3.6), None),  # nearly the same
+    ("seconds_to_line", lambda g, a, v: round(g / (math.sin(math.radians(a)) * v / 3.6), 1), None),
+    ("seconds_to_line", lambda g, a, v: g / (math.sin(math.radians(a)) * v / 3.6) + 0.1, ""),
     ("seconds_to_line", lambda g, a, v: g / (math.sin(a) * v / 3.6), "radians"),
     ("seconds_to_line", lambda g, a, v: g / (math.sin(math.radians(a)) * v), "km/h"),
     ("seconds_to_line", lambda g, a, v: g / (v / 3.6), "along the road"),
@@ -78,7 +82,8 @@ def test_a_verdict_says_the_same_in_words_and_in_colour():
     assert "&lt;b&gt;" in not_yet("<b>")._repr_html_() and "✗" in not_yet("<b>")._repr_html_()
 
 
-@pytest.mark.parametrize("value", [2.5, np.float64(2.5), np.array(2.5), np.array([[2.5]]), 2.51, np.float32(2.49)])
+@pytest.mark.parametrize("value", [2.5, np.float64(2.5), np.array(2.5), np.array([[2.5]]), 2.51, np.float32(2.49),
+                                   Fraction(5, 2), Decimal("2.5")])
 def test_a_number_may_come_in_many_forms(value):
     assert number(value, 2.5)
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from decimal import Decimal
+from fractions import Fraction
 
 import numpy as np
 
@@ -63,13 +65,13 @@ def number(
 
 
 def _as_number(answer) -> float | Verdict:
-    """The answer as a float: Python's and numpy's numbers, arrays of one element."""
+    """The answer as a float: Python's and numpy's numbers (fractions and decimals, too), arrays of one element."""
     if callable(answer):
         return not_yet("a number is needed, found a function; call it")
     if isinstance(answer, str | bytes | dict):
         return not_yet(f"a number is needed, found {type(answer).__name__} {answer!r:.40}")
     try:
-        values = np.asarray(answer)
+        values = np.asarray(float(answer) if isinstance(answer, Fraction | Decimal) else answer)
     except ValueError:
         return not_yet(f"a number is needed, found a {type(answer).__name__} of unequal parts")
     if values.size != 1:

@@ -44,8 +44,8 @@ def threshold_look(
     small = cv2.resize(frame_bgr, panel_wh, interpolation=cv2.INTER_AREA)
     grey = cv2.resize(values, panel_wh, interpolation=cv2.INTER_AREA).astype(np.float32)
     grey = np.clip((grey - low) * (255 / (high - low)), 0, 255).astype(np.uint8)
-    what = "recipe so far" if show_recipe else "mask of this step"
-    colours = ": hits green, missed blue, false alarms vermillion" if truth is not None else ""
+    what = "recipe so far" if show_recipe else "this step's mask"
+    colours = ": hit green, missed blue, false red, not judged white" if truth is not None else ""
     top = side_by_side(
         [grey, coloured(shown, truth, small)], [step.source, what + colours], height=panel_wh[1], cap_px=10
     )
