@@ -20,7 +20,8 @@ CLEAR = 0.2  # rows with at least this much paint on the line are looked at: of 
 REACH_M, FAR_M, MOST_ROWS = 0.6, 25.0, 40  # beyond 25 m the gap is finer than the pixels
 OFFSETS_M = np.arange(-24, 25) * (REACH_M / 24)
 FLANKS = np.flatnonzero(np.abs(OFFSETS_M) > REACH_M - 0.15)  # the road on both sides
-GAP = 5  # samples, 12.5 cm: the dark gap between the two lines may fall below half height
+SECOND_LINE = 1 / 3  # of two lines one may be worn: so bright it must be, of the other; edges are at half its height
+GAP = 5  # samples, 12.5 cm: the dark gap between the two lines
 
 
 def stripe_edges(picture: np.ndarray, x_m: np.ndarray, grid: Grid) -> tuple[float, float]:
@@ -39,14 +40,24 @@ def stripe_edges(picture: np.ndarray, x_m: np.ndarray, grid: Grid) -> tuple[floa
     top = 16 + int(np.argmax(profile[16:33]))  # within 0.2 m of the line
     if profile[top] <= 1.0:  # grey levels: nothing there
         return 0.0, 0.0
-    above = np.flatnonzero(profile > profile[top] / 2).tolist()
+    bright = np.flatnonzero(profile > SECOND_LINE * profile[top]).tolist()
     first = last = top  # of the bright samples around the top, across gaps
-    for i in reversed(above):
+    for i in reversed(bright):
         first = i if 0 < first - i <= GAP else first
-    for i in above:
+    for i in bright:
         last = i if 0 < i - last <= GAP else last
-    half = (OFFSETS_M[1] - OFFSETS_M[0]) / 2
-    return float(OFFSETS_M[first] - half), float(OFFSETS_M[last] + half)
+    values, half = profile.tolist(), (OFFSETS_M[1] - OFFSETS_M[0]) / 2
+    return float(OFFSETS_M[edge(values, first, 1)] - half), float(OFFSETS_M[edge(values, last, -1)] + half)
+
+
+def edge(values: list[float], begin: int, step: int) -> int:
+    """Where the stripe that begins at ``begin`` and goes on by ``step`` has half of its height."""
+    top = begin
+    while 0 <= top + step < len(values) and values[top + step] > values[top]:
+        top += step
+    while values[begin] <= values[top] / 2:
+        begin += step
+    return begin
 
 
 def inward(fit: JointFit, picture: np.ndarray, grid: Grid) -> tuple[float, float]:

@@ -8,7 +8,7 @@ import pytest
 from roads import Lane7, paint_scan, points
 
 from lanelib.birdseye import Grid
-from lanelib.doubleline import inward, stripe_edges
+from lanelib.doubleline import edge, inward, stripe_edges
 from lanelib.jointfit import fit
 
 GRID = Grid(np.arange(-192, 193) * 0.05, np.linspace(1 / np.sqrt(80), 1 / np.sqrt(4), 136) ** -2.0)
@@ -49,6 +49,23 @@ def test_the_boundary_is_the_inner_line(side, apart):
     assert found[(1 - side) // 2] == 0
 
 
+@pytest.mark.parametrize("worn", [-1, 1])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_one_of_the_two_lines_may_be_worn(side, worn):
+    """A line with less than half of the contrast of the other, left or right, is a line all the same."""
+    lines, shift = double(side)
+    colours = [(142,) * 3 if s == worn else BRIGHT for s in (-1, 1)]
+    scan = paint_scan(GRID, [(*line, colour) for line, colour in zip(lines, colours, strict=True)])
+    found = inward(fit_along(LANE), np.ascontiguousarray(cv2.blur(scan, (3, 1))[..., 1]), GRID)
+    assert found[(side + 1) // 2] == pytest.approx(shift, abs=0.035)
+
+
+def test_what_is_much_paler_is_no_second_line():
+    lines, _ = double(1)
+    scan = paint_scan(GRID, [(*line, (120,) * 3 if i else BRIGHT) for i, line in enumerate(lines)])
+    assert inward(fit_along(LANE), np.ascontiguousarray(cv2.blur(scan, (3, 1))[..., 1]), GRID) == (0, 0)
+
+
 @pytest.mark.parametrize("beside", [-0.06, 0.06])
 @pytest.mark.parametrize("side", [-1, 1])
 def test_it_is_found_from_a_fit_beside_the_stripes_middle(side, beside):
@@ -81,3 +98,17 @@ def test_edges_are_found_to_a_fraction_of_a_column():
 def test_lines_at_the_pictures_border_do_no_harm():
     for x in (-50.0, -9.6, 9.6, 50.0):
         assert np.isfinite(stripe_edges(np.full((40, 385), 100, np.uint8), np.full(40, x), GRID)).all()
+
+
+def test_a_slope_to_the_border_of_what_is_looked_at_has_an_edge():
+    """Ever brighter to one side: no index runs away."""
+    for slope in (1, -1):
+        picture = np.tile(np.uint8(np.clip(100 + slope * (np.arange(385) - 212), 0, 255)), (40, 1))
+        left, right = stripe_edges(picture, np.full(40, 1.0), GRID)
+        assert -0.7 < left <= right < 0.7
+
+
+def test_edge_is_at_half_of_the_stripes_own_height():
+    values = [0.0, 1, 4, 10, 3, 0, 0, 2, 5, 6, 1, 0]
+    assert edge(values, 1, 1) == 3 and edge(values, 10, -1) == 9
+    assert edge([1.0, 2, 3], 0, 1) == 1 and edge([3.0, 2, 1], 2, -1) == 1
