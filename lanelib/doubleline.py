@@ -21,7 +21,7 @@ REACH_M, FAR_M, MOST_ROWS = 0.6, 25.0, 40  # beyond 25 m the gap is finer than t
 OFFSETS_M = np.arange(-24, 25) * (REACH_M / 24)
 FLANKS = np.flatnonzero(np.abs(OFFSETS_M) > REACH_M - 0.15)  # the road on both sides
 SECOND_LINE = 1 / 3  # of two lines one may be worn: so bright it must be, of the other; edges are at half its height
-GAP = 5  # samples, 12.5 cm: the dark gap between the two lines
+GAP, WIDEST = 5, 8  # samples: a dark gap of 12.5 cm between the two lines; the other one is no wider than 20 cm
 
 
 def stripe_edges(picture: np.ndarray, x_m: np.ndarray, grid: Grid) -> tuple[float, float]:
@@ -40,24 +40,27 @@ def stripe_edges(picture: np.ndarray, x_m: np.ndarray, grid: Grid) -> tuple[floa
     top = 16 + int(np.argmax(profile[16:33]))  # within 0.2 m of the line
     if profile[top] <= 1.0:  # grey levels: nothing there
         return 0.0, 0.0
-    bright = np.flatnonzero(profile > SECOND_LINE * profile[top]).tolist()
-    first = last = top  # of the bright samples around the top, across gaps
-    for i in reversed(bright):
-        first = i if 0 < first - i <= GAP else first
-    for i in bright:
-        last = i if 0 < i - last <= GAP else last
     values, half = profile.tolist(), (OFFSETS_M[1] - OFFSETS_M[0]) / 2
-    return float(OFFSETS_M[edge(values, first, 1)] - half), float(OFFSETS_M[edge(values, last, -1)] + half)
+    first, last = around(values, top)
+    inner = range(1, len(values) - 1)
+    peaks = [i for i in inner if values[i] > SECOND_LINE * values[top] and values[i - 1] < values[i] >= values[i + 1]]
+    for peak in sorted(peaks, key=lambda i: abs(i - top)):
+        begin, end = around(values, peak)
+        valley = min(range(min(peak, top), max(peak, top) + 1), key=values.__getitem__)
+        begin, end = (begin, min(end, valley)) if peak < top else (max(begin, valley), end)
+        if end - begin < WIDEST and begin - last <= GAP and first - end <= GAP:
+            first, last = min(first, begin), max(last, end)
+    return float(OFFSETS_M[first] - half), float(OFFSETS_M[last] + half)
 
 
-def edge(values: list[float], begin: int, step: int) -> int:
-    """Where the stripe that begins at ``begin`` and goes on by ``step`` has half of its height."""
-    top = begin
-    while 0 <= top + step < len(values) and values[top + step] > values[top]:
-        top += step
-    while values[begin] <= values[top] / 2:
-        begin += step
-    return begin
+def around(values: list[float], peak: int) -> tuple[int, int]:
+    """The first and the last sample around a peak that are above half of it."""
+    first = last = peak
+    while first > 0 and values[first - 1] > values[peak] / 2:
+        first -= 1
+    while last < len(values) - 1 and values[last + 1] > values[peak] / 2:
+        last += 1
+    return first, last
 
 
 def inward(fit: JointFit, picture: np.ndarray, grid: Grid) -> tuple[float, float]:

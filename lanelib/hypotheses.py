@@ -37,6 +37,7 @@ GROUPS = 11  # the bends vote in so many groups: their arrays then stay in the p
 LEAST_WEIGHT, MOST_VOTERS = 0.1, 75  # the strongest points decide; more of them cost time and change nothing
 PARTNERS = 4  # a dash of our lane, of the next one, a speck: with few points the best of them is not always ours
 WIDTHS_PITCHES = np.array([(w, np.deg2rad(p)) for w in np.arange(2.6, 4.65, 0.1) for p in np.arange(-2.4, 2.41, 0.3)])
+APART_M = 0.25, 0.25, 0.6, 0.6  # starts whose landmarks are nearer than that lead to the same fit, as a rule
 ALIKE = np.abs(WIDTHS_PITCHES[:, None] - WIDTHS_PITCHES) @ (1, 40) <= 0.5  # which of them would lead to the same fit
 
 
@@ -142,7 +143,7 @@ def partners(points: Points, lines: np.ndarray, prior: Prior) -> tuple[np.ndarra
 
 
 def hypotheses(
-    points: Points, *, prior: Prior = UNKNOWN_ROAD, count: int = 3, least_energy: float = -np.inf
+    points: Points, *, prior: Prior = UNKNOWN_ROAD, count: int = 4, least_energy: float = -np.inf
 ) -> list[np.ndarray]:
     """The ``count`` most promising different lanes around the car, as means (7,), best first; only those estimated to
     have at least ``least_energy``."""
@@ -155,6 +156,6 @@ def hypotheses(
     places = landmarks(means)
     found: list[int] = []
     for i in range(len(means)):
-        if len(found) < count and all(apart(places[i], places[j]) for j in found):
+        if len(found) < count and all(apart(places[i], places[j], least_m=APART_M) for j in found):
             found.append(i)
     return list(means[found])

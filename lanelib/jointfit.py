@@ -184,14 +184,17 @@ def landmarks(means) -> np.ndarray:
     return line_x(np.array([6.0, 6.0, 20.0, 20.0]), np.moveaxis(means, -1, 0)[..., None], np.array([-1, 1, -1, 1]))
 
 
+DIFFERENT_M = 0.4, 0.4, 1.0, 1.0  # two lanes are different when one of their landmarks is so far from the other's
+
+
 def differ(a, b) -> bool:
-    """Two lanes are different when one of their lines differs by 0.4 m at 6 m or by 1 m at 20 m."""
+    """Whether two means (7,) are different lanes: one of their lines differs by 0.4 m at 6 m or by 1 m at 20 m."""
     return apart(landmarks(a), landmarks(b))
 
 
-def apart(a, b) -> bool:
+def apart(a, b, *, least_m=DIFFERENT_M) -> bool:
     """``differ`` of two lanes' landmarks (4,)."""
-    return bool((np.abs(a - b) > (0.4, 0.4, 1.0, 1.0)).any())
+    return bool((np.abs(a - b) > least_m).any())
 
 
 BESIDE_M = 0.25  # so far beyond a line the car's centre may be before another lane is its own: no flicker on a line

@@ -8,7 +8,7 @@ import pytest
 from roads import Lane7, paint_scan, points
 
 from lanelib.birdseye import Grid
-from lanelib.doubleline import edge, inward, stripe_edges
+from lanelib.doubleline import around, inward, stripe_edges
 from lanelib.jointfit import fit
 
 GRID = Grid(np.arange(-192, 193) * 0.05, np.linspace(1 / np.sqrt(80), 1 / np.sqrt(4), 136) ** -2.0)
@@ -108,7 +108,15 @@ def test_a_slope_to_the_border_of_what_is_looked_at_has_an_edge():
         assert -0.7 < left <= right < 0.7
 
 
-def test_edge_is_at_half_of_the_stripes_own_height():
-    values = [0.0, 1, 4, 10, 3, 0, 0, 2, 5, 6, 1, 0]
-    assert edge(values, 1, 1) == 3 and edge(values, 10, -1) == 9
-    assert edge([1.0, 2, 3], 0, 1) == 1 and edge([3.0, 2, 1], 2, -1) == 1
+def test_a_stripe_is_as_wide_as_it_is_above_half_its_height():
+    values = [0.0, 1, 4, 10, 6, 0, 0, 2, 5, 6, 1, 0]
+    assert around(values, 3) == (3, 4) and around(values, 9) == (8, 9)
+    assert around([3.0, 2, 1], 0) == (0, 1) and around([1.0, 2, 3], 2) == (1, 2)
+
+
+def test_a_broad_bright_patch_beside_is_no_second_line():
+    """A dry strip of a wet road, half as bright as the paint and 30 cm wide."""
+    patch = (lambda y: LANE.x(y, 1) - 0.3, 0.3)
+    scan = paint_scan(GRID, [(*single(1), BRIGHT), (*patch, (150,) * 3)])
+    scan = cv2.GaussianBlur(scan, (0, 0), 0.8)
+    assert inward(fit_along(LANE), np.ascontiguousarray(scan[..., 1]), GRID) == (0, 0)
