@@ -22,7 +22,7 @@ from lanelib.channels import as_bgr
 from lanelib.doubleline import inward
 from lanelib.errors import LanelibError
 from lanelib.hypotheses import hypotheses
-from lanelib.jointfit import JointFit, Points
+from lanelib.jointfit import JointFit, Points, confidence_of
 from lanelib.lane import Check, Lane, check_lane, check_size
 from lanelib.neighbours import MOST_LANES, find_neighbours
 from lanelib.paint import evidence_of, paint_points
@@ -262,10 +262,3 @@ def implausible(checks: tuple[Check, ...]) -> str:
 def milliseconds_since(begin: float) -> float:
     """Wall time since ``begin``, as ``time.perf_counter`` gave it."""
     return (time.perf_counter() - begin) * 1e3
-
-
-def confidence_of(fit: JointFit) -> float:
-    """0..1 from how many rows of paint each line has: 1 - exp(-rows / 10), the stronger line counting double
-    (it carries the weaker one), times how sharply the points agree."""
-    weak, strong = sorted(1 - math.exp(-rows / 10) for rows in fit.rows)
-    return (2 * strong + weak) / 3 * math.exp(-((fit.rms_px / 6) ** 2))

@@ -126,7 +126,7 @@ class JointFit:
         mean[WIDTH] = self.width_m
         reach = farthest_paint(self.support, y0_of_row, self.mean, self.height_m, near_m)
         length = max(*reach, 10.0)
-        cubics = line_x(length * SAMPLES, mean, SIDES) @ CUBIC_OF_SAMPLES.T * length ** -np.arange(3.0, -0.5, -1)
+        cubics = line_x(length * SAMPLES, mean, SIDES) @ CUBIC_OF_SAMPLES.T / length**POWERS
         covariances = FIRST_ORDER @ self.covariance @ FIRST_ORDER.transpose(0, 2, 1)
         left, right = map(Line, cubics, ((near_m, far) for far in reach), covariances, self.rows)
         std = np.sqrt(self.covariance.diagonal()).tolist()
@@ -135,8 +135,16 @@ class JointFit:
         return Lane(left, right, surface, spread)
 
 
+def confidence_of(fit: JointFit) -> float:
+    """0..1 from how many rows of paint each line has: 1 - exp(-rows / 10), the stronger line counting double
+    (it carries the weaker one), times how sharply the points agree."""
+    weak, strong = sorted(1 - math.exp(-rows / 10) for rows in fit.rows)
+    return (2 * strong + weak) / 3 * math.exp(-((fit.rms_px / 6) ** 2))
+
+
 SAMPLES = np.linspace(0, 1, 24)  # where a parallel curve is sampled to be written as a cubic ...
 CUBIC_OF_SAMPLES = np.linalg.pinv(np.vander(SAMPLES, 4))  # ... by least squares
+POWERS = np.arange(3.0, -1, -1)  # of its coefficients
 SIDES = np.array([[-1.0], [1.0]])  # left and right, below each other
 # What the coefficients of the two lines are in first order, (2, 4, 7): rate, bend, heading, centre + side width / 2
 FIRST_ORDER = np.zeros((2, 4, 7))
@@ -227,12 +235,12 @@ def fits(
     mean = np.array(starts, float)
     rate_variance = prior.covariance[RATE, RATE]
     information = np.tile(prior.information, (len(mean), 1, 1))
+    others = prior.information[RATE, RATE] - 1 / rate_variance  # what the prior of the other numbers says of the rate
     scale, weight = 1 / points.std, points.weight / NEIGHBOURS
-    jacobian = np.empty((len(mean), 7, len(points)))
+    jacobian = np.empty((len(mean), 8, len(points)))  # and below it what is to be explained
     normal = information
     for step, gate in enumerate(gates):
-        allowed = np.minimum(rate_variance, np.square(rate_std(mean)))
-        information[:, RATE, RATE] = prior.information[RATE, RATE] - 1 / rate_variance + 1 / allowed
+        information[:, RATE, RATE] = others + 1 / np.minimum(rate_variance, np.square(rate_std(mean)))
         if step < len(reach_m):
             reached = weight * (points.inverse > 1 / reach_m[step])
         powers, middle, slope, twice_bend = seen_lane(points, mean)
@@ -262,13 +270,13 @@ def fits(
         per_pitch = (middle + half - slope - lean * twice_bend) * y
         np.divide(per_pitch, points.height_m, out=jacobian[:, PITCH])
         np.multiply(jacobian[:, PITCH], y / 2, out=jacobian[:, HILL])
-        jacobian *= scale
-        weighted = jacobian * w[:, None]
-        normal = weighted @ jacobian.transpose(0, 2, 1) + information
-        towards = weighted @ z[..., None] + information @ (prior.mean - mean)[..., None]
+        jacobian[:, :7] *= scale
+        jacobian[:, 7] = z
+        equations = (jacobian[:, :7] * w[:, None]) @ jacobian.transpose(0, 2, 1)
+        normal = equations[..., :7] + information
+        towards = equations[..., 7:] + information @ (prior.mean - mean)[..., None]
         mean += np.linalg.solve(normal, towards)[..., 0]
-        mean[:, RATE] = np.minimum(np.maximum(mean[:, RATE], -2e-4), 2e-4)
-        mean[:, WIDTH] = np.minimum(np.maximum(mean[:, WIDTH], 2.0), 6.0)
+        np.minimum(np.maximum(mean, LEAST, out=mean), MOST, out=mean)
     found = []
     for estimate, covariance in zip(mean, np.linalg.inv(normal), strict=True):
         support, rms = supported_rows(points, estimate)
@@ -277,6 +285,9 @@ def fits(
     return found
 
 
+# Beyond these no road goes; they keep a wild start from running away
+LEAST = np.array([-np.inf, -np.inf, -np.inf, -2e-4, 2.0, -np.inf, -np.inf])
+MOST = np.array([np.inf, np.inf, np.inf, 2e-4, 6.0, np.inf, np.inf])
 ORDER = np.array([[1.0], [2.0], [3.0]])  # y^n is n y^(n - 1) steep
 
 

@@ -24,7 +24,7 @@ from lanelib.video import probe, read_frames
 
 TRIAL_FRAMES = 8  # a median of eight bears three frames without a lane
 LEAST_CONFIDENCE = (
-    0.3  # one clear line alone gives 0.67 (see finder.confidence_of); half of that is no lane but a guess
+    0.3  # one clear line alone gives 0.67 (see jointfit.confidence_of); half of that is no lane but a guess
 )
 # Standard deviations of a median over frames under the right rig. Pitch (rad): load and speed tilt a car by 0.3
 # degrees. Heading (rad): a car follows its lane, but not in bends. Width (m): as the finder believes.

@@ -29,8 +29,8 @@ SPEED_UP_MPS2, SLOW_DOWN_MPS2 = 2.0, 4.0
 MIDDLE_M, BEYOND_M = 25.0, 30.0
 BLUR_M = 2.0  # looks at places twice as far away no longer count, nearer ones the more
 NEAR_M = 7.0  # from here on the fit's line is right; nearer, few rows or none have paint, and it is prolonged
-STEPS_M = np.linspace(0, NEAR_M, 4)
-WEIGHTS_M = NEAR_M / 3 * np.array([0.5, 1, 1, 0.5])  # the trapezoidal rule
+STEPS_M = [0.0, NEAR_M / 3, 2 * NEAR_M / 3, NEAR_M]
+WEIGHTS_M = [NEAR_M / 6, NEAR_M / 3, NEAR_M / 3, NEAR_M / 6]  # the trapezoidal rule
 
 
 class RoadMemory:
@@ -46,7 +46,7 @@ class RoadMemory:
         ``measured``), and give back its ``lane`` with what is known of the road at the car; as it was, where nothing
         is yet."""
         middle = min(MIDDLE_M, sum(lane.y_range_m) / 2)
-        here, ahead, beyond, *told = centre_curvature(mean, np.array([0.0, middle, BEYOND_M, *STEPS_M])).tolist()
+        here, ahead, beyond, *told = centre_curvature(mean, (0.0, middle, BEYOND_M, *STEPS_M))
         self._step_m = driven(self._step_m, advance_m(max(abs(here), abs(beyond))))
         self.travelled_m += self._step_m
         if measured:
@@ -54,36 +54,37 @@ class RoadMemory:
         # two looks behind the car stay: what is between them and those ahead is known
         while len(self._looks) > 2 and self._looks[1][0] < self.travelled_m - 2 * BLUR_M:
             self._looks.popleft()
-        known = self.curvature_1pm(STEPS_M)
-        if np.isnan(known).any():
+        known = [self.curvature_1pm(y) for y in STEPS_M]
+        if any(map(math.isnan, known)):
             return lane
         # x'' = -k: where the line is right at NEAR_M, a curvature greater by dk(y) before it moves the line at the car
         # by minus the integral of dk y dy, and the car the other way
-        shift = float((known - told) @ (STEPS_M * WEIGHTS_M))
-        return replace(lane, here=Here(float(known[0]), lane.offset_m + shift))
+        shift = sum((k - t) * y * w for k, t, y, w in zip(known, told, STEPS_M, WEIGHTS_M, strict=True))
+        return replace(lane, here=Here(known[0], lane.offset_m + shift))
 
-    def curvature_1pm(self, ahead_m: np.ndarray) -> np.ndarray:
-        """Signed curvature (N,) of the road at distances (N,) from the car, 1/m; NaN before the first and beyond the
-        last place that was seen. (Looks may lie some metres apart, where the view grew or shrank: between them it is
+    def curvature_1pm(self, ahead_m: float) -> float:
+        """Signed curvature of the road at a distance from the car, 1/m; NaN before the first and beyond the last place
+        that was seen. (Looks may lie some metres apart, where the view grew or shrank: between them it is
         interpolated.)"""
+        asked, total, weighted = self.travelled_m + ahead_m, 0.0, 0.0
+        for place, curvature in self._looks:
+            weight = 1 - abs(place - asked) / (2 * BLUR_M)
+            if weight > 0:
+                total += weight
+                weighted += weight * curvature
+        if total > 0:
+            return weighted / total
         if not self._looks:
-            return np.full(len(ahead_m), np.nan)
-        place, curvature = np.array(self._looks).T
-        asked = self.travelled_m + ahead_m
-        weight = np.maximum(1 - np.abs(place - asked[:, None]) / (2 * BLUR_M), 0.0)
-        total = weight.sum(axis=1)
-        if total.all():
-            return (weight @ curvature) / total
-        order = np.argsort(place)
-        between = np.interp(asked, place[order], curvature[order], left=np.nan, right=np.nan)
-        return np.where(total > 0, (weight @ curvature) / np.where(total > 0, total, 1.0), between)
+            return math.nan
+        place, curvature = np.array(sorted(self._looks)).T
+        return float(np.interp(asked, place, curvature, left=math.nan, right=math.nan))
 
 
-def centre_curvature(mean: np.ndarray, y_m: np.ndarray) -> np.ndarray:
-    """Signed curvature (N,) of a joint fit's centre line at distances (N,), 1/m, positive to the left."""
+def centre_curvature(mean: np.ndarray, y_m) -> list[float]:
+    """Signed curvature of a joint fit's centre line at several distances, 1/m, positive to the left."""
     _, heading, bend, rate = mean[: RATE + 1].tolist()
-    slope = heading + y_m * (2 * bend + 3 * rate * y_m)
-    return -(2 * bend + 6 * rate * y_m) * (1 + slope * slope) ** -1.5
+    slopes = [heading + y * (2 * bend + 3 * rate * y) for y in y_m]
+    return [-(2 * bend + 6 * rate * y) * (1 + slope * slope) ** -1.5 for y, slope in zip(y_m, slopes, strict=True)]
 
 
 def advance_m(sharpest_1pm: float) -> float:

@@ -110,7 +110,7 @@ def test_a_lane_seen_once_in_ten_frames_is_never_held_beyond_the_bound():
 
 
 def test_a_wrong_lane_beside_a_clear_one_is_left_within_a_second_at_any_phase():
-    """However the frames of search fall (every fourth in doubt, every tenth without): 25 frames, at 12 phases."""
+    """However the frames of search fall (every fourth in doubt, seldom without): 25 frames, at 12 phases."""
     wrong, truth = Lane7(-0.9, 0, 0, 0, 3.3), Lane7(0.5, 0.02, -1 / 700, 0, 3.7)
     for phase in range(12):
         f, rng = finder(), np.random.default_rng(phase)

@@ -69,8 +69,8 @@ def test_before_the_place_was_seen_the_frame_speaks_alone():
     memory = RoadMemory()
     mean, lane = frame(FOREST, 30.0)
     assert memory.update(lane, mean, measured=True) is lane
-    assert np.isnan(memory.curvature_1pm(np.array([0.0]))).all()
-    assert memory.curvature_1pm(np.array([15.0])) == pytest.approx(centre_curvature(mean, np.array([15.0])))
+    assert np.isnan(memory.curvature_1pm(0.0)) and np.isnan(RoadMemory().curvature_1pm(0.0))
+    assert [memory.curvature_1pm(15.0)] == pytest.approx(centre_curvature(mean, [15.0]))
 
 
 def test_held_frames_drive_on_over_what_was_seen():

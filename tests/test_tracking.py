@@ -181,6 +181,15 @@ def test_a_wrong_lane_is_not_held(wrong):
         assert all(right[25 if remains else 13 :]), right
 
 
+def test_a_sure_lane_is_checked_once_a_second_and_one_less_sure_more_often():
+    sure = fitted(LANE)
+    for rms_px, every in ((1.0, 25), (3.0, 10)):
+        fit, tracker = replace(sure, rms_px=rms_px), LaneTracker()
+        tracker.update(fit)
+        checked = np.flatnonzero([tracker.is_in_doubt(fit, lost=False) for _ in range(80)])
+        assert len(checked) >= 3 and set(np.diff(checked)) == {every}
+
+
 def test_another_lane_must_be_worth_more_than_the_same_one_put_right():
     old = fitted(LANE)
     worth = energy_of(old.mean, old.support, UNKNOWN_ROAD)
