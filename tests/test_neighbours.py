@@ -48,7 +48,7 @@ def neighbours_in(scene, **kwargs):
 def pixels_off(scene, neighbour, d_m: float) -> np.ndarray:
     """How far (px, sideways) a neighbour is drawn from the marking at ``d_m``, row by row."""
     s = scene
-    truth = frame_truth(s.road, s.pose, s.mounting, s.camera_matrix, s.distortion, s.size_wh, Marking(d_m), Marking(99))
+    truth = frame_truth(s.road, s.pose, s.mounting, s.camera_matrix, s.distortion, s.size_wh, Marking(d_m), Marking(1.83))
     rows, x = np.array(truth["h_samples"]), np.array(truth["lanes"][0])
     px = neighbour.points_px[::-1]
     found = np.interp(rows, px[:, 1], px[:, 0], left=np.nan, right=np.nan)
@@ -100,7 +100,7 @@ def test_a_dashed_line_beyond_is_found_where_it_is(width, offset, curvature, sid
     assert len(off) >= 4 and np.abs(off).mean() < 4.0
     y = np.array([8.0, 25.0])
     true = frame_truth(scene.road, scene.pose, scene.mounting, scene.camera_matrix, scene.distortion, (1280, 720),
-                       Marking(d), Marking(99))["lanes_road_m"][0]  # fmt: skip
+                       Marking(d), Marking(1.83))["lanes_road_m"][0]  # fmt: skip
     assert np.abs(found[0].line.x(y) - np.interp(y, *np.array(true).T[::-1])).max() < 0.3
 
 
