@@ -48,7 +48,8 @@ def neighbours_in(scene, **kwargs):
 def pixels_off(scene, neighbour, d_m: float) -> np.ndarray:
     """How far (px, sideways) a neighbour is drawn from the marking at ``d_m``, row by row."""
     s = scene
-    truth = frame_truth(s.road, s.pose, s.mounting, s.camera_matrix, s.distortion, s.size_wh, Marking(d_m), Marking(1.83))
+    lines = Marking(d_m), Marking(1.83)
+    truth = frame_truth(s.road, s.pose, s.mounting, s.camera_matrix, s.distortion, s.size_wh, *lines)
     rows, x = np.array(truth["h_samples"]), np.array(truth["lanes"][0])
     px = neighbour.points_px[::-1]
     found = np.interp(rows, px[:, 1], px[:, 0], left=np.nan, right=np.nan)
