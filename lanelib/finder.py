@@ -187,8 +187,8 @@ class LaneFinder:
             gates=jointfit.TRACK_GATES,
             reach_m=jointfit.SEARCH_REACH_M[-1:],
         )
-        known = self.tracker.known_inward()
-        fit = replace(fit, inward_m=inward(fit, picture, around.grid) if known is None else known)
+        inward_m = self.tracker.known_inward() or inward(fit, picture, around.grid)
+        fit = replace(fit, inward_m=inward_m) if any(inward_m) else fit
         tracked = self._judge(fit)
         lost = tracked[0] is None
         if self.tracker.is_in_doubt(fit, lost=lost):

@@ -216,6 +216,8 @@ def holds_car(mean, *, beside_m: float = BESIDE_M) -> bool:
 SEARCH_GATES = (27, 16, 10, 7, 5, 4, 4)  # widths of the biweight in standard deviations, step by step
 SEARCH_REACH_M = (35, 45, 60, 85, 120, 140)  # from near to far: a bend shows its sign before its size
 TRACK_GATES = (8, 4)
+SUPPORT_GATE = 3.0  # standard deviations within which a point speaks for a line
+SMALL_STEP = 1.0  # of them
 
 
 def fit(
@@ -275,13 +277,17 @@ def fits(
         equations = (jacobian[:, :7] * w[:, None]) @ jacobian.transpose(0, 2, 1)
         normal = equations[..., :7] + information
         towards = equations[..., 7:] + information @ (prior.mean - mean)[..., None]
-        mean += np.linalg.solve(normal, towards)[..., 0]
+        change = np.linalg.solve(normal, towards)
+        mean += change[..., 0]
         np.minimum(np.maximum(mean, LEAST, out=mean), MOST, out=mean)
+    moved = (change.transpose(0, 2, 1) @ jacobian[:, :7])[:, 0]
     found = []
-    for estimate, covariance in zip(mean, np.linalg.inv(normal), strict=True):
-        support, rms = supported_rows(points, estimate)
-        energy = energy_of(estimate, support, prior)
-        found.append(JointFit(estimate, covariance, support, energy, points.height_m, rms))
+    for i, covariance in enumerate(np.linalg.inv(normal)):
+        # after a small last step the distances follow from the derivatives
+        small = np.abs(moved[i]).max(initial=0.0) < SMALL_STEP
+        support, rms = support_of(points, half_m[i] > 0, z[i] - moved[i]) if small else supported_rows(points, mean[i])
+        energy = energy_of(mean[i], support, prior)
+        found.append(JointFit(mean[i], covariance, support, energy, points.height_m, rms))
     return found
 
 
@@ -346,14 +352,20 @@ def energy_of(mean: np.ndarray, support: np.ndarray, prior: Prior) -> float:
     return float(paint_value(support.sum(axis=1)).sum() - objection)
 
 
-def supported_rows(points: Points, mean: np.ndarray, *, gate: float = 3.0) -> tuple[np.ndarray, float]:
-    """Per line and grid row the weight of the best paint point within ``gate`` standard deviations (2, n_rows);
-    weighted rms in px."""
+def supported_rows(points: Points, mean: np.ndarray) -> tuple[np.ndarray, float]:
+    """``support_of`` the lane ``mean`` (7,)."""
     off, error = outward(points, mean)
-    z = np.square(error / (gate * points.std))
-    on = np.flatnonzero(z < 1)
-    weight = points.weight[on]
+    return support_of(points, off > 0, error / points.std)
+
+
+def support_of(points: Points, right: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, float]:
+    """Per line and grid row the weight of the best paint point on it (2, n_rows); weighted rms in px. ``right`` (N,):
+    which points belong to the right line; ``z`` (N,): how far they are from it, in standard deviations."""
+    share = np.square(z / SUPPORT_GATE)
+    on = np.flatnonzero(share < 1)
+    weight, share = points.weight[on], share[on]
     support = np.zeros(2 * points.n_rows)
-    np.maximum.at(support, points.row[on] + points.n_rows * (off[on] > 0), weight * (1 - z[on]))
-    rms = points.focal_px * math.sqrt(float(weight @ np.square(error[on])) / max(float(weight.sum()), 1e-9))
+    np.maximum.at(support, points.row[on] + points.n_rows * right[on], weight * (1 - share))
+    error = z[on] * points.std[on]
+    rms = points.focal_px * math.sqrt(float(weight @ np.square(error)) / max(float(weight.sum()), 1e-9))
     return support.reshape(2, -1), rms

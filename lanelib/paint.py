@@ -121,11 +121,11 @@ def weight_of(z: np.ndarray) -> np.ndarray:
 def paint_points(z: np.ndarray) -> PaintPoints:
     """Crests of the response (H, W): local maxima along each row, located by the parabola through three pixels."""
     strong = one_channel(z) > WEAK_Z
-    strong[:, [0, -1]] = False  # a crest has a neighbour on both sides
+    strong[:, 0] = strong[:, -1] = False  # a crest has a neighbour on both sides
     at, flat = np.flatnonzero(strong), z.ravel()
     before, here, after = flat[at - 1], flat[at], flat[at + 1]
     crest = np.flatnonzero((here > before) & (here >= after))  # of two equal neighbours the right one
     at, before, here, after = at[crest], before[crest], here[crest], after[crest]
-    shift = 0.5 * (before - after) / np.minimum(before - 2 * here + after, -1e-6)
+    shift = 0.5 * (before - after) / ((before - here) + (after - here))  # never more than half a pixel
     row, column = np.divmod(at, z.shape[1])
-    return PaintPoints(row, column + np.minimum(np.maximum(shift, -0.5), 0.5), weight_of(here))
+    return PaintPoints(row, column + shift, weight_of(here))

@@ -66,7 +66,7 @@ LOOK_AGAIN = 4  # in doubt, every fourth frame is searched afresh ...
 # pitch, or another lane, which on a followed road is the less likely
 BETTER_ENERGY, OTHER_ENERGY = 3.0, 5.0
 FIT_ADDS = 4.0  # a fit was worth at most 3.2 more than its start was estimated to be, in every check of every clip
-LOOK_AT_WIDTH = 6  # whether a line is a double one is looked at in every sixth frame
+LOOK_AT_WIDTH = 8  # whether a line is a double one is looked at in every eighth frame
 HOLD_FRAMES = 12  # half a second at 25 frames a second: longer, and the car has left what was known
 SMOOTHING = ("none", "average", "exponential", "kalman")
 
