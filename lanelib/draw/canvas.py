@@ -146,8 +146,13 @@ class Layer:
         even = cv2.copyMakeBorder(self.pixels, 0, self.size_wh[1] % 2, 0, self.size_wh[0] % 2, cv2.BORDER_CONSTANT)
         half = cv2.resize(even, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
         parts = []
-        for row, picture in zip(YUV_FROM_BGR1, (even, half, half), strict=True):
-            parts.append((cv2.transform(picture, row[None]), cv2.bitwise_not(cv2.extractChannel(picture, 3))))
+        for row, channels in zip(YUV_FROM_BGR1, (cv2.split(even), *[cv2.split(half)] * 2), strict=True):
+            # what adds comes first, so that no sum leaves 0..255 on the way (quicker than cv2.transform)
+            (first, a), (second, b), *others = sorted(zip(row.tolist(), channels, strict=True), key=lambda t: -t[0])
+            colour = cv2.addWeighted(a, first, b, second, 0)
+            for factor, channel in others:
+                colour = cv2.addWeighted(colour, 1, channel, factor, 0)
+            parts.append((colour, cv2.bitwise_not(channels[3])))
         return parts
 
 
