@@ -67,13 +67,19 @@ def cpu_seconds(function: Callable[[], object]) -> float:
     return spent() - begin
 
 
-def in_turn(jobs: dict[str, Callable[[], object]], *, rounds: int) -> dict[str, float]:
-    """Seconds of processor time of whole jobs, one after the other in turn; the median of the rounds."""
-    taken = {name: [] for name in jobs}
+def in_turn(jobs: dict[str, Callable[[], object]], *, rounds: int) -> dict[str, list[float]]:
+    """Seconds of processor time of whole jobs, one after the other in turn, round by round."""
+    taken: dict[str, list[float]] = {name: [] for name in jobs}
     for _ in range(rounds):
         for name, job in jobs.items():
             taken[name].append(cpu_seconds(job))
-    return {name: statistics.median(times) for name, times in taken.items()}
+    return taken
+
+
+def times_as_much(one: list[float], other: list[float]) -> float:
+    """How many times as much processor time one job took as another of ``in_turn``: the median of the rounds, because
+    a shared machine is faster in one minute and slower in the next."""
+    return statistics.median(a / b for a, b in zip(one, other, strict=True))
 
 
 def peak_megabytes(command: list[str]) -> tuple[float, float]:

@@ -6,6 +6,7 @@
 
 import argparse
 import os
+import statistics
 import sys
 import tempfile
 from pathlib import Path
@@ -26,6 +27,7 @@ from measure import (
     machine,
     peak_megabytes,
     simulated_frames,
+    times_as_much,
     write_clip,
 )
 
@@ -161,8 +163,8 @@ def sizes(rig: Rig, frames: list[np.ndarray], rounds: int) -> dict[tuple[int, in
 
 
 # ---------------------------------------------------------------------------------------------- files
-def files(rig: Rig, clip: Path, place: Path, rounds: int) -> dict[str, float]:
-    """Seconds of processor time of whole files, each kind in turn."""
+def files(rig: Rig, clip: Path, place: Path, rounds: int) -> dict[str, list[float]]:
+    """Seconds of processor time of whole files, each kind in turn, round by round."""
 
     def read():
         with read_frames(clip, pixel_format="yuv420p") as frames:
@@ -174,12 +176,15 @@ def files(rig: Rig, clip: Path, place: Path, rounds: int) -> dict[str, float]:
         "decode alone (frames in Python)": read,
         "file to geometry": lambda: run_video(clip, None, rig),
     }
+    taken = in_turn(jobs, rounds=2 * rounds)  # these take little time
     for preset in PRESETS:
-        jobs[f"bare transcode, {preset}"] = lambda p=preset: ffmpeg(
-            "-threads", 1, "-i", clip, "-c:v", "libx264", "-preset", p, "-crf", 20, "-pix_fmt", "yuv420p",
-            "-movflags", "+faststart", place / "bare.mp4")  # fmt: skip
-        jobs[f"file to annotated file, {preset}"] = lambda p=preset: run_video(clip, place / "out.mp4", rig, preset=p)
-    return in_turn(jobs, rounds=rounds)
+        taken |= in_turn({
+            f"bare transcode, {preset}": lambda p=preset: ffmpeg(
+                "-threads", 1, "-i", clip, "-c:v", "libx264", "-preset", p, "-crf", 20, "-pix_fmt", "yuv420p",
+                "-movflags", "+faststart", place / "bare.mp4"),
+            f"file to annotated file, {preset}": lambda p=preset: run_video(clip, place / "out.mp4", rig, preset=p),
+        }, rounds=rounds)  # fmt: skip
+    return taken
 
 
 def lengths(clip: Path, place: Path, times: tuple[int, ...], n_frames: int) -> list[list[str]]:
@@ -198,7 +203,7 @@ def lengths(clip: Path, place: Path, times: tuple[int, ...], n_frames: int) -> l
 def calibrate() -> float:
     """Seconds of processor time for the 20 rendered boards, reading included."""
     boards = sorted((ROOT / "camera_cal" / "rendered").glob("*.jpg"))
-    return in_turn({"boards": lambda: calibration.calibrate(boards)}, rounds=1)["boards"]
+    return in_turn({"boards": lambda: calibration.calibrate(boards)}, rounds=1)["boards"][0]
 
 
 # ---------------------------------------------------------------------------------------------- the report
@@ -276,16 +281,17 @@ def report(quick: bool) -> str:
         spent = files(rig, clip, place, 2 if quick else 5)
         out += [f"## File to file, {n_frames} frames of 1280x720", "",
                 *markdown_rows([["", "CPU s", "CPU ms a frame"]] + [
-                    [name, f"{s:.2f}", f"{1e3 * s / n_frames:.1f}"] for name, s in spent.items()]), "",
+                    [name, f"{(s := statistics.median(rounds)):.2f}", f"{1e3 * s / n_frames:.1f}"]
+                    for name, rounds in spent.items()]), "",
                 "`bare transcode` is ffmpeg alone, file to file, with the same preset and quality. ffmpeg's decoder "
                 "runs in one thread, x264 in its default number, in both.", ""]
         goal("file to geometry over decoding alone (ffmpeg to null)", 1.3,
-             spent["file to geometry"] / spent["decode alone (ffmpeg to null)"])
+             times_as_much(spent["file to geometry"], spent["decode alone (ffmpeg to null)"]))
         goal("file to geometry over decoding into Python", 1.3,
-             spent["file to geometry"] / spent["decode alone (frames in Python)"])
+             times_as_much(spent["file to geometry"], spent["decode alone (frames in Python)"]))
         for preset in PRESETS:
             goal(f"file to annotated file over a bare transcode, {preset}", 1.10,
-                 spent[f"file to annotated file, {preset}"] / spent[f"bare transcode, {preset}"])
+                 times_as_much(spent[f"file to annotated file, {preset}"], spent[f"bare transcode, {preset}"]))
 
         say("memory")
         rows = lengths(clip, place, (1, 4) if quick else (1, 4, 12), n_frames)

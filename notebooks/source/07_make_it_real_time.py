@@ -186,7 +186,7 @@ figures.bars(cost, unit="CPU time of a fresh search, ms", highlight="5.00 cm")
 # From 5 cm columns on, more pixels gain millimetres at most: the points of a crest are located to a fraction of a pixel by the
 # parabola through three of them, and dozens of points share in each line. With 10 cm columns a line is one pixel wide,
 # the ridge filter has nothing to stand on, and the error grows. So it is 5 cm: finer ones cost
-# twice as much and more for millimetres, coarser ones lose centimetres.
+# up to three times as much for millimetres, coarser ones lose centimetres.
 #
 # ## Step 3: look where the lane was
 #
@@ -394,7 +394,7 @@ explore.detect_look(explore.Frame(frame, rig), model="joint", truth=truth)
 # ## When it fails
 #
 # - **A first frame is not a thousandth frame.** Tables, caches and the processor's clock warm up; measure after that.
-# - **A fresh search takes two or three times as long** as tracking, and it comes just when the road is difficult. The worst
+# - **A fresh search takes several times as long** as tracking, and it comes just when the road is difficult. The worst
 #   case has to fit into the 40 ms, not the mean.
 # - **The rig changes** (another zoom, another size): the table has to be made anew. `LaneFinder` keeps one per size.
 # - **Shrinking the raw frame first** looks like the same trick and is not: it blurs the far road, where every pixel
