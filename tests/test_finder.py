@@ -1,5 +1,6 @@
 """finder.py: roads of known geometry come out as they are, and whatever is no road comes out as a reason."""
 
+import re
 from dataclasses import replace
 
 import cv2
@@ -276,6 +277,20 @@ def test_without_tracking_frames_do_not_know_of_each_other():
     first.pop("run_time"), again.pop("run_time")
     assert first == again
     assert LaneFinder(RIG, track=False).process(NO_ROADS["black"]).status == "none"
+
+
+@pytest.mark.parametrize(
+    ("lane", "why"),
+    [
+        (Lane7(width=4.9), "width 4.[89]"),
+        (Lane7(width=2.4), "width 2.4"),
+        (Lane7(0.2, 0.05, -1 / (2 * 12), width=3.5), "radius 1[1-4]"),
+    ],
+)
+def test_what_no_road_can_be_is_refused_with_its_number(lane, why):
+    result = LaneFinder(RIG, track=False).process(paint_frame(lane, size_wh=SMALL))
+    assert result.status == "none" and re.search(f"implausible lane: {why}.*, allowed ", result.reason)
+    assert [check.ok for check in result.checks].count(False) == 1
 
 
 @pytest.mark.parametrize("beyond_m", [0.1, 0.4])
