@@ -122,7 +122,7 @@ def paint_points(z: np.ndarray) -> PaintPoints:
     """Crests of the response (H, W): local maxima along each row, located by the parabola through three pixels."""
     strong = one_channel(z) > WEAK_Z
     strong[:, 0] = strong[:, -1] = False  # a crest has a neighbour on both sides
-    at, flat = np.flatnonzero(strong), z.ravel()
+    at, flat = np.flatnonzero(strong), z.ravel() if z.dtype.kind == "f" else z.ravel().astype(np.float32)
     before, here, after = flat[at - 1], flat[at], flat[at + 1]
     crest = np.flatnonzero((here > before) & (here >= after))  # of two equal neighbours the right one
     at, before, here, after = at[crest], before[crest], here[crest], after[crest]

@@ -189,3 +189,15 @@ def test_nothing_of_it_changes_the_picture():
     assert (scan == before).all()
     assert z.shape == picture.shape == scan.shape[:2] and (z.dtype, picture.dtype) == (np.float32, np.uint8)
     assert np.isfinite(z).all() and z.min() >= 0
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.int64, np.float32, np.float64])
+def test_crests_lie_within_half_a_pixel_of_a_local_maximum_whatever_the_numbers_are(kind):
+    z = np.random.default_rng(4).integers(0, 256, (60, 90)).astype(kind)
+    found = paint_points(z)
+    assert len(found) > 500
+    at = z[found.row, np.rint(found.column).astype(int)].astype(float)
+    assert np.abs(found.column - np.rint(found.column)).max() <= 0.5
+    exact = paint_points(z.astype(float))
+    np.testing.assert_allclose(found.column, exact.column, atol=1e-5)
+    assert (at > 1).all()
