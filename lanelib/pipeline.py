@@ -49,7 +49,7 @@ class Summary:
 def process_video(
     source: str | Path, function: FrameFunction, *, output: str | Path | None = None, start_s: float = 0.0,
     end_s: float | None = None, on_progress: Callable[[int, int], None] | None = None, jobs: int = 1,
-    preset: str = "veryfast", crf: float = 20, pixel_format: str = "bgr24", audio: bool = True,
+    preset: str = "veryfast", crf: float = 20, pixel_format: str = "bgr24", audio: bool = True, first_row: int = 0,
 ) -> Summary:
     """Call `function(frame, index, time_s)` for every frame in order, and write what it returns to `output`.
 
@@ -57,15 +57,19 @@ def process_video(
     source are kept (a section starts at 0). `on_progress(done, expected)` is called after each frame. With `jobs`
     above 1 the function runs in that many threads, so it must not depend on the frame before; the order of the output
     is kept. `pixel_format` is that of the frames in and out, as for `read_frames`; "yuv420p" is the cheapest.
+    `first_row`: see `read_frames`; with it there can be no `output`.
     An exception in any stage stops all of them, leaves no output, and is raised once.
     """
     began = time.perf_counter()
     if jobs < 1:
         raise LanelibError(f"needed at least 1 job, found {jobs}")
     if output is not None:
+        if first_row:
+            raise LanelibError(f"needed whole frames for an output, found first_row {first_row}; leave it out")
         output = checked_output(output, source=source)
     with ExitStack() as stack:
-        reader = stack.enter_context(read_frames(source, start_s=start_s, end_s=end_s, pixel_format=pixel_format))
+        reader = stack.enter_context(read_frames(
+            source, start_s=start_s, end_s=end_s, pixel_format=pixel_format, first_row=first_row))
         expected = _expected(reader, start_s, end_s)
         writer = None
         if output is not None:

@@ -170,6 +170,13 @@ class View:
         return brightness_of_luma(luma), cv2.remap(yellow_of_uv(u, v), *half_table, cv2.INTER_LINEAR)
 
     @cached_property
+    def first_row(self) -> int:
+        """The first row of a YUV420p frame that is looked at (even): what lies above need not be read."""
+        first, height = 2 * self._half_table[0], self.rig.size_wh[1]
+        rows = self._table[0][..., 1]
+        return min(int(rows[rows >= 0].min(initial=height - 2)) // 2 * 2, first)
+
+    @cached_property
     def _half_table(self):
         """The first row it needs, and the look-up table from there, for planes of half the size (MPEG-2 siting is half
         a pixel off sideways: 3 mm on the road)."""

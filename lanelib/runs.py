@@ -92,7 +92,8 @@ def run_video(
     """The lane followed through one video, drawn to `out` (None: nowhere); `write_row` gets a row of each frame, whose
     `raw_file` is `NAME.mp4:000123`, counted from the begin of the file."""
     finder, tally = LaneFinder(rig, recipe=recipe, neighbours=neighbours), Tally(path.name)
-    even = all(n % 2 == 0 for n in probe(path).size_wh)
+    size_wh = probe(path).size_wh
+    even = all(n % 2 == 0 for n in size_wh)
     planes = even and (view == "overlay" or out is None)  # as the file stores them: no colour conversion either way
 
     def step(frame: np.ndarray, index: int, time_s: float) -> np.ndarray | None:
@@ -104,9 +105,11 @@ def run_video(
             return None
         return draw.overlay_yuv420(frame, result) if planes else picture_of(view, frame, result, finder)
 
+    only_road = planes and out is None and finder.order == "finder" and not neighbours
     summary = process_video(
         path,
         step,
+        first_row=first_row_of(finder, size_wh) if only_road else 0,
         output=out,
         start_s=start_s,
         end_s=end_s,
@@ -117,6 +120,14 @@ def run_video(
     if not summary.frames_in:
         raise LanelibError(f"{path}: needed frames from {start_s:g} s on, found none; choose another section")
     return summary, tally
+
+
+def first_row_of(finder: LaneFinder, size_wh: tuple[int, int]) -> int:
+    """The first row that the finder looks at in frames of this size; 0 where it cannot take them."""
+    try:
+        return finder.view(size_wh).first_row
+    except LanelibError:
+        return 0
 
 
 def picture_of(view: str, frame: np.ndarray, result: LaneResult, finder: LaneFinder) -> np.ndarray:

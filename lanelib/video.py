@@ -87,7 +87,7 @@ class Damage:
 
 def read_frames(
     path: str | Path, *, start_s: float = 0.0, end_s: float | None = None, pixel_format: str = "bgr24",
-    threads: int = 1,
+    threads: int = 1, first_row: int = 0,
 ) -> "FrameReader":
     """Open a video for reading; use it in a `with` block, or loop over it to the end.
 
@@ -95,15 +95,19 @@ def read_frames(
     the YUV formats an odd width or height is made even by repeating the last column or row. A damaged file yields
     what can be decoded; see `.damage`. `threads` are the decoder's (0: one per core): one costs the least CPU, decodes
     720p at about 300 frames a second beside whatever Python does, and guesses the same in damaged frames every time.
+    `first_row` (even, for "yuv420p"): what lies above is not needed; it comes as zeros, and is not copied.
     Raises LanelibError for what `probe` refuses, a wrong section or format, and a file without a single good frame.
     """
-    return FrameReader(path, start_s=start_s, end_s=end_s, pixel_format=pixel_format, threads=threads)
+    return FrameReader(
+        path, start_s=start_s, end_s=end_s, pixel_format=pixel_format, threads=threads, first_row=first_row)
 
 
 class FrameReader:
     """An iterator of `Frame`s; `info` is what the file says, `damage` what was found (complete at the end)."""
 
-    def __init__(self, path: str | Path, *, start_s: float, end_s: float | None, pixel_format: str, threads: int):
+    def __init__(
+        self, path: str | Path, *, start_s: float, end_s: float | None, pixel_format: str, threads: int, first_row: int,
+    ):
         if pixel_format not in PIXEL_FORMATS:
             raise LanelibError(f"needed a pixel format of {', '.join(PIXEL_FORMATS)}, found {pixel_format!r}")
         self.info = info = probe(path)
@@ -121,6 +125,12 @@ class FrameReader:
                         f",fillborders=right={width % 2}:bottom={height % 2}:mode=smear")
             width, height = width + width % 2, height + height % 2
         self.shape = (height, width, 3) if pixel_format == "bgr24" else (height * 3 // 2, width)
+        if first_row and (pixel_format != "yuv420p" or first_row % 2 or not 0 <= first_row < height):
+            raise LanelibError(f"{path}: needed an even first row of yuv420p, 0 to {height - 2}, found {first_row} of "
+                               f"{pixel_format}")
+        self._first_row = first_row
+        if first_row:
+            filters += f",crop={width}:{height - first_row}:0:{first_row}"
         # ffmpeg seeks to a frame before and keeps the file's times; the exact cut is made here, in __next__.
         seek_s = max(0.0, start_s - 1 / info.fps) if info.container.startswith(INDEXED) else 0.0
         seek = ["-ss", f"{seek_s:.6f}", "-copyts", "-start_at_zero"] * bool(seek_s)
@@ -149,8 +159,8 @@ class FrameReader:
             raise StopIteration
         time_s = -math.inf
         while time_s < self._start_s - EPSILON_S:
-            picture = np.empty(self.shape, np.uint8)
-            if not _fill(self._process.stdout, picture):
+            picture = self._picture()
+            if not all(_fill(self._process.stdout, part) for part in self._parts(picture)):
                 self._finish()
                 raise StopIteration
             shown_s = self._log.next_time()
@@ -161,6 +171,18 @@ class FrameReader:
         frame = Frame(self._next_index, time_s, picture)
         self._next_index, self._count, self._last_s = self._next_index + 1, self._count + 1, time_s
         return frame
+
+    def _picture(self) -> np.ndarray:
+        """Room for a frame. (Zeros cost nothing where nobody looks.)"""
+        return (np.zeros if self._first_row else np.empty)(self.shape, np.uint8)
+
+    def _parts(self, picture: np.ndarray) -> list[np.ndarray]:
+        """The parts of the frame that ffmpeg sends, one after the other."""
+        if not self._first_row:
+            return [picture]
+        height, width = self.shape[0] * 2 // 3, self.shape[1]
+        halves = picture[height:].reshape(2, height // 2, width // 2)
+        return [picture[self._first_row : height], *halves[:, self._first_row // 2 :]]
 
     def close(self) -> None:
         """End ffmpeg; needed only when the frames were not read to the end. Harmless twice."""

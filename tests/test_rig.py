@@ -248,3 +248,26 @@ def test_lines_in_pixels_are_where_opencv_projects_them(size_wh):
         x = np.interp(pixels[inside, 1], expected[:, 1], expected[:, 0])
         assert inside.sum() > 15
         assert np.abs(pixels[inside, 0] - x).max() < 1.0 * size_wh[0] / 1280
+
+
+def test_nothing_above_the_first_row_is_looked_at_and_the_first_row_is():
+    """Noise above the row changes nothing, for the whole view and around a lane; noise in it and the next does."""
+    lane, view, rng = Lane7(centre=0.3, width=3.5), View(RIG), np.random.default_rng(3)
+    frame = cv2.cvtColor(paint_frame(lane, noise=4), cv2.COLOR_BGR2YUV_I420)
+    height = frame.shape[0] * 2 // 3
+    first = view.first_row
+    assert first % 2 == 0 and 0.3 * height < first < 0.7 * height
+
+    def noisy(rows):
+        other = frame.copy()
+        other[rows] = rng.integers(0, 256, other[rows].shape)
+        return other
+
+    above = noisy(slice(0, first))
+    halves = above[height:].reshape(2, height // 2, -1)
+    halves[:, : first // 2] = rng.integers(0, 256, halves[:, : first // 2].shape)
+    for v in (view, view.around(lane.mean)):
+        for seen, expected in zip(v.paint_channels(above), v.paint_channels(frame), strict=True):
+            assert np.array_equal(seen, expected)
+    touched = noisy(slice(first, first + 4))
+    assert not np.array_equal(view.paint_channels(touched)[0], view.paint_channels(frame)[0])

@@ -20,8 +20,11 @@ import psutil
 import pytest
 
 from lanelib import ffmpeg, matroska
+from lanelib.datasets import project_root
 from lanelib.errors import LanelibError
+from lanelib.finder import LaneFinder, Rig
 from lanelib.pipeline import ProgressBar, process_video
+from lanelib.runs import run_video
 from lanelib.video import VideoWriter, _ReadingLog, probe, read_frames
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -674,3 +677,49 @@ def test_matroska_header_is_what_ffmpeg_reads(tmp_path):
             np.testing.assert_array_equal(frame.frame_bgr, expected)
             assert frame.time_s == pytest.approx(time_s)
     assert read.info.fps == 10
+
+
+# ------------------------------------------------------------------------------------ only a part of each frame
+@pytest.mark.parametrize("size_wh", [(160, 96), (162, 98), (161, 97)])
+@pytest.mark.parametrize("first_row", [2, 40, 94])
+def test_rows_above_the_first_are_zeros_and_the_others_as_they_are(tmp_path, size_wh, first_row):
+    path = clips.clip(tmp_path / "a.mkv", n_frames=4, size_wh=size_wh, pix_fmt="yuv444p", options=["-qp", 0])
+    with read_frames(path, pixel_format="yuv420p") as whole, read_frames(
+            path, pixel_format="yuv420p", first_row=first_row) as part:  # fmt: skip
+        pairs = list(zip(whole, part, strict=True))
+    assert len(pairs) == 4 and whole.info.size_wh == size_wh
+    for full, cut in pairs:
+        assert (full.index, full.time_s) == (cut.index, cut.time_s) and full.frame_bgr.shape == cut.frame_bgr.shape
+        height = full.frame_bgr.shape[0] * 2 // 3
+        for first, rows in ((first_row, slice(0, height)), (first_row // 2, slice(height, None))):
+            parts = [f.frame_bgr[rows] for f in (full, cut)]
+            if rows.start:  # U above V, half as wide
+                parts = [p.reshape(2, height // 2, -1).swapaxes(0, 1) for p in parts]
+            assert not parts[1][:first].any() and np.array_equal(parts[0][first:], parts[1][first:])
+
+
+@pytest.mark.parametrize(("pixel_format", "first_row"), [("bgr24", 2), ("nv12", 2), ("yuv420p", 3), ("yuv420p", 96)])
+def test_a_first_row_that_cannot_be_is_refused(tmp_path, pixel_format, first_row):
+    path = clips.clip(tmp_path / "a.mp4", n_frames=2)
+    with pytest.raises(LanelibError, match="needed an even first row of yuv420p, 0 to 94, found"):
+        read_frames(path, pixel_format=pixel_format, first_row=first_row)
+
+
+def test_parts_of_frames_are_never_written(tmp_path):
+    path = clips.clip(tmp_path / "a.mp4", n_frames=2)
+    with pytest.raises(LanelibError, match="needed whole frames for an output"):
+        process_video(path, lambda *a: a[0], output=tmp_path / "b.mp4", pixel_format="yuv420p", first_row=40)
+    assert [p.name for p in tmp_path.iterdir()] == ["a.mp4"]
+
+
+def test_a_video_without_pictures_is_read_from_the_horizon_on_with_the_same_rows():
+    clip, rows = project_root() / "test_videos" / "rendered" / "project_video.mp4", []
+    rig = Rig.load(project_root() / "rigs" / "rendered.json")
+    run_video(clip, None, rig, end_s=0.5, write_row=rows.append)
+    finder = LaneFinder(rig)
+    with read_frames(clip, end_s=0.5, pixel_format="yuv420p") as frames:
+        whole = [finder.process_yuv420(f.frame_bgr).to_row(f"{clip.name}:{f.index:06d}") for f in frames]
+    assert len(rows) == len(whole) > 10
+    for row in (*rows, *whole):
+        del row["run_time"]
+    assert rows == whole
