@@ -38,7 +38,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         from lanelib.arguments import build_parser  # here: from now on Ctrl-C is answered in one line
 
         args = build_parser().parse_args(argv)
-        from lanelib import commands  # here: --help answers without OpenCV
+        with _signals_wait():
+            from lanelib import commands  # here: --help answers without OpenCV
 
         to_stderr = str(getattr(args, "json", None)) == "-"
         console = commands.Console(quiet=getattr(args, "quiet", False), to_stderr=to_stderr)
@@ -89,6 +90,20 @@ def _on_signal(number: int, handler):
         return signal.signal(number, handler)
     except (ValueError, TypeError):
         return None
+
+
+@contextlib.contextmanager
+def _signals_wait():
+    """Libraries are loaded undisturbed: broken off in the middle they may take Python down with them. What comes
+    meanwhile is answered right afterwards."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _silence_stdout() -> None:

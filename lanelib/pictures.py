@@ -209,7 +209,8 @@ def _inspect_png(data: bytes) -> tuple[tuple[int, int], str]:
         if body_end + 4 > len(data):
             break
         if zlib.crc32(data[at + 4 : body_end]) != struct.unpack_from(">I", data, body_end)[0]:
-            return size_wh, f"found a damaged PNG (checksum of its {kind.decode('latin-1')} part)"
+            name = kind.decode() if kind.isalpha() else "unnamed"  # a damaged name may hold anything
+            return size_wh, f"found a damaged PNG (checksum of its {name} part)"
         if kind == b"IEND":
             return size_wh, ""
         at = body_end + 4

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -497,6 +498,21 @@ def test_a_signal_is_told_even_while_a_picture_is_decoded(place, capfd, monkeypa
     err = capfd.readouterr().err
     assert err.startswith(f"lanelib: {word}") and len(err.splitlines()) == 1
     assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)] == before
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="signals cannot be held back on this system")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_wait_while_libraries_are_loaded(number):
+    came, before = [], signal.signal(number, lambda *_: came.append(number))
+    try:
+        with cli._signals_wait():
+            signal.pthread_kill(threading.get_ident(), number)  # other tests' threads would not hold it back
+            time.sleep(0.05)
+            assert came == []
+        time.sleep(0.05)
+        assert came == [number] and not signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    finally:
+        signal.signal(number, before)
 
 
 @pytest.mark.usefixtures("as_in_a_terminal")

@@ -205,3 +205,16 @@ def test_written_files_have_ordinary_rights(tmp_path):
         assert write_bytes(tmp_path / "a", b"x").stat().st_mode & 0o777 == 0o644
     finally:
         os.umask(mask)
+
+
+def test_whatever_a_damaged_png_calls_its_parts_the_error_is_one_line(tmp_path):
+    def part(name, content, wrong=0):
+        return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content) ^ wrong)
+
+    head = b"\x89PNG\r\n\x1a\n" + part(b"IHDR", struct.pack(">IIBBBBB", 4, 4, 8, 0, 0, 0, 0))
+    for name, said in ((b"ID\nT", "unnamed"), (b"\x85\x0b\r\x1c", "unnamed"), (b"IDAT", "IDAT")):
+        path = tmp_path / "a.png"
+        path.write_bytes(head + part(name, b"abc", wrong=1) + part(b"IEND", b""))
+        with pytest.raises(LanelibError, match=f"checksum of its {said} part") as caught:
+            read_image(path)
+        assert len(str(caught.value).splitlines()) == 1
