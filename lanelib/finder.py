@@ -28,7 +28,7 @@ from lanelib.neighbours import MOST_LANES, find_neighbours
 from lanelib.paint import evidence_of, paint_points
 from lanelib.result import LaneResult, line_at_rows
 from lanelib.rig import SCAN_COLUMN_M, Rig, View
-from lanelib.tracking import FIT_ADDS, LaneTracker
+from lanelib.tracking import LaneTracker
 
 __all__ = ["LaneFinder", "LaneResult", "Rig", "View", "confidence_of", "line_at_rows"]
 
@@ -166,14 +166,18 @@ class LaneFinder:
         """The best lane anywhere, as before the first frame."""
         return self._best(*self.points(frame, view), view)
 
-    def _best(self, points: Points, picture: np.ndarray, view: View, *, least_energy: float = -math.inf):
-        """The best lane around the car that these paint points can be; starts estimated below ``least_energy`` are not
-        followed."""
+    def _best(self, points: Points, picture: np.ndarray, view: View, *, least_energy: float = -math.inf, known=None):
+        """The best lane around the car that these paint points can be; starts estimated below ``least_energy``, and
+        those that lead to the lane that is ``known``, are not followed."""
         prior = self.tracker.background
-        starts = hypotheses(points, prior=prior, least_energy=least_energy)
-        fits = jointfit.fits(points, starts, prior=prior)
-        best = max((f for f in fits if jointfit.holds_car(f.mean, beside_m=0.0)), key=lambda f: f.energy, default=None)
-        return self._judge(best and replace(best, inward_m=inward(best, picture, view.grid)))
+        starts = hypotheses(points, prior=prior, least_energy=least_energy, known=known)
+        fits = [fit for fit in jointfit.fits(points, starts, prior=prior) if jointfit.holds_car(fit.mean, beside_m=0.0)]
+        verdicts = []
+        for fit in sorted(fits, key=lambda fit: -fit.energy):
+            verdicts.append(self._judge(replace(fit, inward_m=inward(fit, picture, view.grid))))
+            if verdicts[-1][0] is not None:
+                return verdicts[-1]
+        return verdicts[0] if verdicts else self._judge(None)
 
     def _track(self, frame: np.ndarray, view: View):
         """The lane near where the last one was; now and then, and in doubt, a fresh search challenges it."""
@@ -195,8 +199,8 @@ class LaneFinder:
             if lost:  # all of the frame is looked at once more
                 fresh = self._search(frame, view)
             else:
-                least = self.tracker.energy_needed(fit) - FIT_ADDS
-                fresh = self._best(points, picture, around, least_energy=least)
+                least = self.tracker.start_needed(fit)
+                fresh = self._best(points, picture, around, least_energy=least, known=fit.mean)
             if self.tracker.is_outdone(fit, fresh[0], lost=lost):
                 return fresh
         return tracked

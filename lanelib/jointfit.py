@@ -25,7 +25,7 @@ sec. 10.5).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -81,6 +81,11 @@ class Points:
     def __len__(self):
         return len(self.row)
 
+    def some(self, chosen: np.ndarray) -> Points:
+        """Only these points, by their indices or a mask."""
+        names = ("bearing", "inverse", "row", "weight")
+        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
+
     @cached_property
     def std(self) -> np.ndarray:
         """Standard deviation of each point's bearing: pixels of the frame and ragged paint."""
@@ -116,7 +121,7 @@ class JointFit:
     @property
     def curvature_1pm(self) -> float:
         """Signed curvature of the centre line at the car, positive to the left."""
-        return float(-2 * self.mean[BEND] * (1 + self.mean[HEADING] ** 2) ** -1.5)
+        return centre_curvature(self.mean, (0.0,))[0]
 
     def lane(self, near_m: float, y0_of_row: np.ndarray) -> Lane:
         """The estimate as two lines in metres, seen from ``near_m`` to the farthest row with paint."""
@@ -150,6 +155,13 @@ SIDES = np.array([[-1.0], [1.0]])  # left and right, below each other
 FIRST_ORDER = np.zeros((2, 4, 7))
 FIRST_ORDER[:, [0, 1, 2, 3], [RATE, BEND, HEADING, CENTRE]] = 1
 FIRST_ORDER[:, 3, WIDTH] = SIDES[:, 0] / 2
+
+
+def centre_curvature(mean: np.ndarray, y_m) -> list[float]:
+    """Signed curvature of a joint fit's centre line at several distances, 1/m, positive to the left."""
+    _, heading, bend, rate = mean[: RATE + 1].tolist()
+    slopes = [heading + y * (2 * bend + 3 * rate * y) for y in y_m]
+    return [-(2 * bend + 6 * rate * y) * (1 + slope * slope) ** -1.5 for y, slope in zip(y_m, slopes, strict=True)]
 
 
 def farthest_paint(support, y0_of_row, mean, height_m, near_m) -> list[float]:
@@ -337,8 +349,8 @@ def rate_std(mean: np.ndarray) -> np.ndarray:
 
 
 def paint_value(rows):
-    """What ``rows`` of paint on a line are worth: the first say more than the last."""
-    return ENOUGH_ROWS * (1 - np.exp(-2 * rows / ENOUGH_ROWS))
+    """What ``rows`` of paint on a line are worth: the first say more than the last, but all say something."""
+    return ENOUGH_ROWS * (1 - np.exp(-2 * rows / ENOUGH_ROWS)) + rows / 50
 
 
 def energy_of(mean: np.ndarray, support: np.ndarray, prior: Prior) -> float:

@@ -19,7 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lanelib.jointfit import RATE
+from lanelib.jointfit import centre_curvature
 from lanelib.lane import Here, Lane
 
 FASTEST_MPS, LATERAL_MPS2, FRAME_S = 30.0, 2.0, 0.04
@@ -78,13 +78,6 @@ class RoadMemory:
             return math.nan
         place, curvature = np.array(sorted(self._looks)).T
         return float(np.interp(asked, place, curvature, left=math.nan, right=math.nan))
-
-
-def centre_curvature(mean: np.ndarray, y_m) -> list[float]:
-    """Signed curvature of a joint fit's centre line at several distances, 1/m, positive to the left."""
-    _, heading, bend, rate = mean[: RATE + 1].tolist()
-    slopes = [heading + y * (2 * bend + 3 * rate * y) for y in y_m]
-    return [-(2 * bend + 6 * rate * y) * (1 + slope * slope) ** -1.5 for y, slope in zip(y_m, slopes, strict=True)]
 
 
 def advance_m(sharpest_1pm: float) -> float:

@@ -216,12 +216,19 @@ class LaneTracker:
         more = OTHER_ENERGY if other else BETTER_ENERGY
         return energy_of(tracked.mean, tracked.support, self.background) + more
 
+    def start_needed(self, tracked: JointFit) -> float:
+        """What a start must be estimated to be worth, so that its fit could take over."""
+        return self.energy_needed(tracked) - FIT_ADDS
+
     def is_outdone(self, tracked: JointFit, fresh: JointFit | None, *, lost: bool) -> bool:
         """Whether a fresh search found a lane that explains the frame better, for the second time in succession; the
-        old one is then forgotten. It may be another lane, or the same one with the pitch right."""
+        old one is then forgotten. It may be the same lane with the pitch right, or another one with more paint: where
+        a road winds, what is usual elsewhere speaks against the lane that was followed, and must not decide alone."""
         rival = fresh is not None
         if rival and not lost:
-            rival = fresh.energy > self.energy_needed(tracked, other=differ(fresh.mean, tracked.mean))
+            other = differ(fresh.mean, tracked.mean)
+            rival = fresh.energy > self.energy_needed(tracked, other=other)
+            rival = rival and (not other or sum(fresh.rows) > sum(tracked.rows))
         confirmed = rival and self._rival is not None and not differ(fresh.mean, self._rival)
         self._rival = fresh.mean if rival else None
         if confirmed:

@@ -6,21 +6,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from roads import Lane7, joined, points, points_on_lane
 
-from lanelib.hypotheses import (
-    BEARINGS,
-    BENDS,
-    FARTHEST_M,
-    MOST_VOTERS,
-    X_BINS_M,
-    X_REACH_M,
-    X_STEP_M,
-    hypotheses,
-    partners,
-    refined_lines,
-    single_lines,
-    votes,
-)
-from lanelib.jointfit import UNKNOWN_ROAD, WIDTH, differ, fit, holds_car, line_x
+from lanelib.hough import single_lines
+from lanelib.hypotheses import APART_M, APART_PITCH, hypotheses, partners
+from lanelib.jointfit import PITCH, UNKNOWN_ROAD, WIDTH, differ, fit, holds_car, landmarks, line_x
 
 # offset, heading, bend (R from 60 m on, either way), width, pitch in degrees
 lanes = st.builds(
@@ -140,54 +128,33 @@ def test_without_paint_there_is_no_hypothesis():
     assert all(np.isfinite(start).all() for start in hypotheses(few))
 
 
-def test_votes_peak_at_the_line():
-    """A straight line at x = -1.75, heading 0.04: the peak bin holds it, and nearly all of its weight."""
-    lane = Lane7(centre=0.1, heading=0.04, width=3.7 / np.hypot(1, 0.04))
-    p = points_on_lane(lane, sides=(-1,))
-    table = votes(p)
-    # the best of the coarse bins holds most of the paint between the car and 45 m that has a vote
-    assert table.max() > 0.6 * min(p.weight[p.inverse > 1 / 45].sum(), MOST_VOTERS)
-    d, a, b, c = single_lines(p)[0]
-    y = np.array([5.0, 15, 30])
-    np.testing.assert_allclose(c + b * y + a * y**2 + d * y**3, lane.x(y, -1), atol=0.02)
+def dots(lane, phase, sides=(-1, 1)):
+    """Botts' dots: four in a row every 14.6 m, each a row or two of faint paint."""
+    y = np.concatenate([phase + 14.63 * k + 1.22 * np.arange(4) for k in range(3)])
+    p = points_on_lane(lane, y_m=y, sides=sides)
+    return points(p.bearing, p.inverse, p.row, 0.6 * p.weight)
 
 
-def clutter(n, seed):
-    """Points anywhere on the road."""
-    rng = np.random.default_rng(seed)
-    y = 1 / rng.uniform(1 / 60, 1 / 4, n)
-    return points(rng.uniform(-8, 8, n) / y, 1 / y, rng.integers(0, 136, n), rng.uniform(0.2, 1, n))
+@pytest.mark.parametrize("phase", [5.0, 8.0, 12.0])
+@pytest.mark.parametrize("bend", [0.0, 1 / 1400])
+def test_solid_lines_beside_the_neighbours_do_not_hide_our_dots(phase, bend):
+    """The middle one of three lanes: our lines are dots, the road's edges are solid and have ten times their paint."""
+    ours = Lane7(0.2, 0.01, bend, width=3.6)
+    edges = points_on_lane(Lane7(0.2, 0.01, bend, width=3 * 3.6))
+    p = joined(dots(ours, phase), edges)
+    assert edges.weight.sum() > 8 * dots(ours, phase).weight.sum()
+    starts = hypotheses(p)
+    assert starts and all(holds_car(start) for start in starts)
+    inside = [found for found in (fit(p, start) for start in starts) if holds_car(found.mean, beside_m=0.0)]
+    assert not differ(max(inside, key=lambda f: f.energy).mean, ours.mean)
 
 
-def test_votes_are_counted_as_a_histogram_would():
-    """Line by line, with numpy's histogram; a point on the edge of a bin may fall to either side."""
-    p = clutter(70, 1)
-    table, near = votes(p), p.inverse > 1 / FARTHEST_M
-    y, bearing, weight = 1 / p.inverse[near], p.bearing[near], p.weight[near]
-    edges = np.linspace(-X_REACH_M, X_REACH_M, len(X_BINS_M) + 1)
-    counted = 0.0
-    for i in range(0, len(BENDS), 3):
-        arc = np.abs(2 * BENDS[i]) * y <= 0.7
-        for j in range(0, len(BEARINGS), 4):
-            x = ((bearing - BEARINGS[j]) * y - BENDS[i] * y**2)[arc]
-            on_edge = np.abs((x + X_REACH_M) / X_STEP_M - np.rint((x + X_REACH_M) / X_STEP_M)) < 1e-3
-            expected = np.histogram(x, edges, weights=weight[arc])[0]
-            assert np.abs(table[i, j] - expected).sum() <= 2 * weight[arc][on_edge].sum() + 1e-4
-            counted += expected.sum()
-    assert counted > 500
-
-
-def test_votes_of_the_mirrored_road_are_mirrored():
-    p = clutter(60, 2)
-    mirrored = points(-p.bearing, p.inverse, p.row, p.weight)
-    difference = np.abs(votes(p) - votes(mirrored)[::-1, ::-1, ::-1])
-    assert difference.sum() < 1e-3 * votes(p).sum()
-
-
-def test_lines_refined_together_are_those_refined_alone():
-    p = joined(dashed(Lane7(0.2, 0.03, 1 / 500)), clutter(60, 3))
-    starts = np.array([[0, 1e-3, 0.02, -1.5], [0, 0, 0.05, 2.2], [0, -2e-3, 0.0, 1.9]])
-    together = refined_lines(p, starts)
-    for start, line in zip(starts, together, strict=True):
-        np.testing.assert_allclose(refined_lines(p, start[None])[0], line, rtol=1e-9, atol=1e-12)
-    assert refined_lines(p, np.empty((0, 4))).shape == (0, 4)
+def test_the_lane_that_is_known_is_not_named_again():
+    p = joined(dashed(Lane7(0.9, width=3.6)), points_on_lane(Lane7(-2.7, width=3.6)))
+    starts = hypotheses(p)
+    for known in starts:
+        others = hypotheses(p, known=known)
+        near = [(np.abs(landmarks(start) - landmarks(known)) <= APART_M).all() for start in others]
+        pitch = [abs(start[PITCH] - known[PITCH]) <= APART_PITCH for start in others]
+        assert not any(a and b for a, b in zip(near, pitch, strict=True))
+    assert len(hypotheses(p, known=np.array([99.0, 0, 0, 0, 3.6, 0, 0]))) == len(starts)

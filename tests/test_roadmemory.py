@@ -8,9 +8,10 @@ from roads import SIZE_WH, Lane7, paint_frame, rig
 
 from lanelib import roadmemory
 from lanelib.finder import LaneFinder
+from lanelib.jointfit import centre_curvature
 from lanelib.lane import Lane, Line
 from lanelib.road import Road
-from lanelib.roadmemory import RoadMemory, advance_m, centre_curvature, driven
+from lanelib.roadmemory import RoadMemory, advance_m, driven
 
 # Straight, into a bend of R 80 m over 40 m, out of it into one of R 60 m to the other side: a forest road.
 FOREST = Road([0, 20, 60, 90, 140, 170], [0, 0, 1 / 80, 1 / 80, -1 / 60, -1 / 60])

@@ -194,13 +194,30 @@ def test_another_lane_must_be_worth_more_than_the_same_one_put_right():
     old = fitted(LANE)
     worth = energy_of(old.mean, old.support, UNKNOWN_ROAD)
     same = replace(old, mean=old.mean + 0.01 * (np.arange(7) == PITCH))
-    other = replace(old, mean=old.mean - 0.6 * (np.arange(7) == CENTRE))
+    other = replace(old, mean=old.mean - 0.6 * (np.arange(7) == CENTRE), support=old.support * 1.01)
     assert not differ(same.mean, old.mean) and differ(other.mean, old.mean)
     for more, taken in ((2.5, (False, False)), (4.0, (True, False)), (5.5, (True, True))):
         for rival, takes in zip((same, other), taken, strict=True):
             tracker = LaneTracker()
             outcome = [tracker.is_outdone(old, replace(rival, energy=worth + more), lost=False) for _ in range(2)]
             assert outcome == [False, takes]
+
+
+def test_another_lane_must_have_more_paint_whatever_speaks_against_the_old_one():
+    """In a hairpin the lane has a heading and a pitch that no road is expected to have; one whose numbers are usual,
+    but on which less paint lies, is not therefore the better one."""
+    old = fitted(LANE)
+    worth = energy_of(old.mean, old.support, UNKNOWN_ROAD)
+    for share, takes in ((0.97, False), (1.03, True)):
+        other = replace(
+            old, mean=old.mean - 0.6 * (np.arange(7) == CENTRE), support=old.support * share, energy=worth + 20
+        )
+        tracker = LaneTracker()
+        assert [tracker.is_outdone(old, other, lost=False) for _ in range(2)] == [False, takes]
+        assert [LaneTracker().is_outdone(old, other, lost=True)] == [False]
+        same = replace(other, mean=old.mean)
+        tracker = LaneTracker()
+        assert [tracker.is_outdone(old, same, lost=False) for _ in range(2)] == [False, True]
 
 
 def test_a_rival_must_win_twice_and_then_the_old_lane_is_forgotten():

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from lanelib.draw import PALETTE, SERIES
 from lanelib.figures.style import INK, SOFT, WIDTH_IN, extent_of, in_style, put_picture
-from lanelib.hypotheses import BENDS, X_BINS_M, votes
+from lanelib.hough import BENDS, X_BINS_M, voters, votes
 from lanelib.jointfit import Points
 
 
@@ -72,9 +72,9 @@ def checks(rows: Mapping[str, tuple]) -> Figure:
 def hough(points: Points, lines=()) -> Figure:
     """Paint points from above, and their votes for single lines: bend against x at the car, the best bearing each.
 
-    ``lines``: (d, a, b, c) as `hypotheses.single_lines` gives them; drawn into both panels, numbered.
+    ``lines``: (d, a, b, c) as `hough.single_lines` gives them; drawn into both panels, numbered.
     """
-    table = votes(points).max(axis=1)
+    table = votes(points.some(voters(points))).max(axis=1)
     figure, (a, b) = plt.subplots(1, 2, figsize=(WIDTH_IN, 4.4), layout="constrained", width_ratios=(1, 1.5))
     y = 1 / points.inverse
     a.scatter(points.bearing * y, y, s=4 + 14 * points.weight, color=INK, alpha=0.55, linewidth=0)

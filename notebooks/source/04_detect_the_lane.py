@@ -34,7 +34,8 @@ import numpy as np
 from lanelib import datasets, draw, exercises, explore, figures, search, threshold, windows
 from lanelib.figures import n04
 from lanelib.finder import LaneFinder, Rig
-from lanelib.hypotheses import hypotheses, single_lines
+from lanelib.hough import single_lines
+from lanelib.hypotheses import hypotheses
 from lanelib.jointfit import PITCH
 from lanelib.lane import Lane, check_lane, fit_line
 from lanelib.pictures import read_image

@@ -1,0 +1,127 @@
+"""Single lines among the paint points: the Hough transform, for curves and from above.
+
+A line x = c + b y + a y^2 is seen at the bearing U = x / y = c q + b + a / q with q = 1 / y: linear in its three
+numbers, and pitch only shifts b. So every paint point votes for single lines (Hough 1962, Duda and Hart 1972) over
+(a, b, c); the best ones are chosen one after the other, on either side of the car; and they are drawn onto their
+points.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from lanelib.jointfit import CENTRE, HEADING, NEIGHBOURS, PITCH, UNKNOWN_ROAD, WIDTH, Points, Prior
+
+# Radii to try, m: each bends a line away from the next by two or three paint widths where such a curve leaves the view.
+RADII_M = np.array([2000, 900, 550, 380, 280, 210, 160, 125, 98, 77, 61, 48, 38, 30, 24, 18])
+BENDS = np.concatenate([-0.5 / RADII_M[::-1], [0], 0.5 / RADII_M])
+BEARINGS = 0.03 * np.arange(-10, 11)  # heading plus what pitch makes of it; half a step is 0.2 m at 13 m
+X_STEP_M, X_REACH_M = 0.2, 4.0
+X_BINS_M = -X_REACH_M + X_STEP_M * (np.arange(round(2 * X_REACH_M / X_STEP_M)) + 0.5)
+NEAREST_X_M, MOST_X_M = 0.3, 3.6  # lines closer to the car's middle, or further away, are none of its lane's
+FARTHEST_M = 45.0  # beyond, a bearing step is much wider than the paint; the fit looks further
+LEAST_WEIGHT, MOST_VOTERS = 0.1, 75  # more voters cost time and change nothing
+STRIP_M, STRIP_VOTERS = 1.0, 10  # strips along the road; points beyond so many in one have less and less to say
+LEAST_VOTES, MOST_PEAKS = 2.0, 200
+PER_SIDE = 3  # lines: ours, that of the next lane, another reading of one of them
+ON_LINE_M = 0.3  # a point so near to a line votes for it
+SAME_LINE_M = 0.3, 1.0  # lines nearer to each other at 8 m and at 20 m are one
+STEPS = (15, 30), (8, 45), (5, 70)  # widths of the biweight in standard deviations, and how far they look, m
+
+
+def voters(points: Points) -> np.ndarray:
+    """Which points vote, (V,) int: the strongest, but of a strip along the road with many of them not all, so that a
+    solid line beside the next lane leaves room for the dashes of our own."""
+    use = np.flatnonzero((points.inverse > 1 / FARTHEST_M) & (points.weight > LEAST_WEIGHT))
+    if len(use) <= MOST_VOTERS:
+        return use
+    weight = points.weight[use]
+    strip = np.round(points.bearing[use] / (STRIP_M * points.inverse[use]))
+    order = np.argsort(2 * strip - weight)  # strip by strip, the strongest first (weights are at most 1)
+    strip, place = strip[order], np.arange(len(use))
+    is_first = np.r_[True, strip[1:] != strip[:-1]]
+    rank = place - np.maximum.accumulate(place * is_first)
+    use, value = use[order], weight[order] / (1 + rank / STRIP_VOTERS)
+    return use[np.argpartition(-value, MOST_VOTERS)[:MOST_VOTERS]]
+
+
+def votes(points: Points) -> np.ndarray:
+    """Hough accumulator (bends, bearings, x bins) float32 of single lines, U = x q + bearing + bend / q, by these
+    points."""
+    y = (1 / points.inverse).astype(np.float32)
+    bends, bearings = BENDS[:, None].astype(np.float32), BEARINGS[:, None].astype(np.float32)
+    x = (points.bearing.astype(np.float32) - bends * y) * y
+    x[np.abs(2 * bends) * y > 0.7] = -1e6  # beyond 40 degrees of turn a parabola is no arc
+    n, lines = len(X_BINS_M), len(BENDS) * len(BEARINGS)
+    bins = (x + X_REACH_M)[:, None] - bearings * y  # (bends, bearings, points)
+    bins *= np.float32(1 / X_STEP_M)
+    bins += 1  # bins 0 and n + 1 take what lies outside
+    index = np.clip(bins, 0, n + 1, out=bins).reshape(lines, -1).astype(np.intp)
+    index += np.arange(0, lines * (n + 2), n + 2)[:, None]
+    table = np.bincount(index.ravel(), np.tile(points.weight, lines), lines * (n + 2))
+    return table.reshape(len(BENDS), len(BEARINGS), n + 2)[..., 1:-1].astype(np.float32)
+
+
+def peaks(table: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Bend, bearing and x, (K,) each, of the highest local maxima of the accumulator."""
+    n_bearings, n_x = table.shape[1:]
+    flat = cv2.sepFilter2D(
+        table.reshape(-1, n_x), -1, np.array([0.6, 1, 0.6]), np.ones(1), borderType=cv2.BORDER_CONSTANT
+    )
+    flat[:, np.abs(X_BINS_M) < NEAREST_X_M] = 0
+    at = np.flatnonzero((flat > LEAST_VOTES) & (flat >= cv2.dilate(flat, np.ones((3, 3)))))
+    at = at[np.argsort(-flat.ravel()[at], kind="stable")[:MOST_PEAKS]]
+    return BENDS[at // (n_bearings * n_x)], BEARINGS[at // n_x % n_bearings], X_BINS_M[at % n_x]
+
+
+def single_lines(points: Points, *, prior: Prior = UNKNOWN_ROAD, count: int = PER_SIDE) -> np.ndarray:
+    """Lines that could bound our lane, (M, 4), each (d, a, b, c): U = d / q^2 + a / q + b + c q; at most ``count`` of
+    each side of the car.
+
+    One after the other: the line with most votes, less what ``prior`` objects to a lane of the usual width beside it.
+    The points of a chosen line count half from then on, or all would be variants of the strongest.
+    """
+    seen = points.some(voters(points))
+    bend, bearing, x = peaks(votes(seen))
+    if len(x) == 0:
+        return np.empty((0, 4))
+    y = 1 / seen.inverse
+    on = np.abs(seen.bearing * y - x[:, None] - y * (bearing[:, None] + y * bend[:, None])) < ON_LINE_M
+    on = on.astype(np.float32)
+    centre = x - np.copysign(prior.mean[WIDTH] / 2, x) - prior.mean[CENTRE]
+    turn = prior.covariance[HEADING, HEADING] + np.square(x / points.height_m) * prior.covariance[PITCH, PITCH]
+    objection = 0.5 * (np.square(centre) / prior.covariance[CENTRE, CENTRE] + np.square(bearing) / turn)
+    place = np.column_stack([x + 8 * (bearing + 8 * bend), x + 20 * (bearing + 20 * bend)]) / SAME_LINE_M
+    found, weight = [], seen.weight.astype(np.float32)
+    for side in (x < 0, x > 0):
+        worth = np.where(side, on @ weight - objection, 0)
+        for _ in range(count):
+            best = int(worth.argmax())
+            if worth[best] <= 0:
+                break
+            found.append(best)
+            half = on[best] * weight / 2
+            weight -= half
+            worth -= on @ half
+            worth[np.abs(place - place[best]).max(axis=1) < 1] = 0
+    lines = refined_lines(points, np.column_stack([np.zeros(len(x)), bend, bearing, x])[found])
+    return lines[np.abs(lines[:, 3]) < MOST_X_M]
+
+
+def refined_lines(points: Points, lines: np.ndarray) -> np.ndarray:
+    """Single lines (M, 4), each d, a, b, c, drawn onto the paint points by reweighted least squares, reaching further
+    step by step; weakly held where the votes put them, so that a dash alone does not swing a line round."""
+    q = points.inverse
+    design = np.stack([q**-2, 1 / q, np.ones_like(q), q])
+    prior = np.diag(np.array([3e-5, 0.01, 0.1, 1.0]) ** -2.0)
+    base = lines @ prior
+    scale = 1 / points.std
+    weight = points.weight / NEIGHBOURS * scale**2
+    for gate, far in STEPS:
+        off = (points.bearing - lines @ design) * (scale / gate)
+        w = np.square(np.maximum(1 - off * off, 0)) * (weight * (q > 1 / far))
+        weighted = w[:, None, :] * design
+        normal = weighted @ design.T + prior
+        lines = np.linalg.solve(normal, (weighted @ points.bearing + base)[..., None])[..., 0]
+    return lines
