@@ -10,7 +10,6 @@ import numpy as np
 
 from lanelib.hough import FARTHEST_M, single_lines
 from lanelib.jointfit import (
-    BESIDE_M,
     CENTRE,
     HEADING,
     PITCH,
@@ -62,7 +61,6 @@ def partners(points: Points, lines: np.ndarray, prior: Prior) -> tuple[np.ndarra
     energy = paint_value(own)[:, None] + paint_value(other)
     for value, i in ((width, WIDTH), (pitch, PITCH), (centre, CENTRE), (heading, HEADING)):
         energy -= 0.5 * np.square(value - prior.mean[i]) / prior.covariance[i, i]
-    energy[np.abs(centre) > width / 2 + BESIDE_M] = -np.inf
     every, found = np.arange(len(lines)), [(paint_value(own), prior.mean[WIDTH] + 0 * c, prior.mean[PITCH] + 0 * c)]
     for _ in range(PARTNERS):
         best = energy.argmax(axis=1)

@@ -12,6 +12,7 @@ from lanelib.hough import (
     MOST_VOTERS,
     MOST_X_M,
     PER_SIDE,
+    SAME_LINE_M,
     X_BINS_M,
     X_REACH_M,
     X_STEP_M,
@@ -119,6 +120,17 @@ def test_lines_are_chosen_on_both_sides_of_the_car_and_near_it():
         assert np.abs(own[:, 3] - lanes[0].x(0.0, side)).min() < 0.05
     assert len(single_lines(p, count=1)) <= 2
     assert single_lines(points_on_lane(Lane7(), sides=())).shape == (0, 4)
+
+
+def test_no_line_is_chosen_twice(monkeypatch):
+    """As they are chosen, before they are drawn onto the paint and may become one."""
+    monkeypatch.setattr("lanelib.hough.refined_lines", lambda points, lines: lines)
+    p = joined(points_on_lane(Lane7(0.2, 0.02, 1 / 300, width=3.6)), clutter(40, 6))
+    _, a, b, c = single_lines(p).T
+    assert len(a) == 2 * PER_SIDE
+    places = np.column_stack([c + b * y + a * y * y for y in (8.0, 20.0)]) / SAME_LINE_M
+    apart = np.abs(places[:, None] - places).max(axis=2)[np.triu_indices(len(a), 1)]
+    assert apart.min() >= 1
 
 
 def test_the_prior_speaks_at_the_choice():
