@@ -34,6 +34,8 @@ __all__ = ["LaneFinder", "LaneResult", "Rig", "View", "confidence_of", "line_at_
 
 MINIMUM_ENERGY = 7.0  # of the joint fit; pictures of noise reach 3 (tests/test_finder.py)
 MINIMUM_ROWS = 7.0  # rows of clear paint on both lines together, of 112: one dash near the car, or two further away
+# Where the other line has less than one, so many to begin with: cracks and stains of bare roads make up to 12
+ONE_LINE_ROWS = 13.0
 MINIMUM_CONFIDENCE = 0.08  # lanes in glare and forest have 0.1 and more, specks on a road without paint 0.05
 MODELS = ("joint", "windows")
 
@@ -174,7 +176,7 @@ class LaneFinder:
         fits = [fit for fit in jointfit.fits(points, starts, prior=prior) if jointfit.holds_car(fit.mean, beside_m=0.0)]
         verdicts = []
         for fit in sorted(fits, key=lambda fit: -fit.energy):
-            verdicts.append(self._judge(replace(fit, inward_m=inward(fit, picture, view.grid))))
+            verdicts.append(self._judge(replace(fit, inward_m=inward(fit, picture, view.grid)), begins=True))
             if verdicts[-1][0] is not None:
                 return verdicts[-1]
         return verdicts[0] if verdicts else self._judge(None)
@@ -205,8 +207,8 @@ class LaneFinder:
                 return fresh
         return tracked
 
-    def _judge(self, fit: JointFit | None) -> tuple[JointFit | None, str, tuple[Check, ...]]:
-        """The fit, or None and the reason why it is no lane; the sanity checks."""
+    def _judge(self, fit: JointFit | None, *, begins: bool = False) -> tuple[JointFit | None, str, tuple[Check, ...]]:
+        """The fit, or None and the reason why it is no lane; the sanity checks. ``begins``: it continues none."""
         if fit is None:
             return None, "no paint that could be a pair of lane lines", ()
         rows = sum(fit.rows)
@@ -216,6 +218,8 @@ class LaneFinder:
                 f"too little paint: {rows:.1f} rows on both lines, {MINIMUM_ROWS:.0f} needed in likely places",
                 (),
             )
+        if begins and min(fit.rows) < 1 and rows < ONE_LINE_ROWS:
+            return None, f"too little paint: {rows:.1f} rows on one line alone, {ONE_LINE_ROWS:.0f} needed", ()
         if confidence_of(fit) < MINIMUM_CONFIDENCE:
             return None, f"what paint there is does not lie on two lines ({fit.rms_px:.0f} px off on average)", ()
         # parallel curves by construction: of the sanity checks these two can fail

@@ -50,11 +50,11 @@ class Prior:
 
 
 # A road of which nothing is known. Spread: half a lane of offset; 3.4 degrees of heading; R > 80 m; clothoids
-# of motorways (6 D = change of curvature per metre, 2e-4 on a winding road); lanes of 3.3-4 m; 0.7 degrees of nod;
-# crests of 6 km radius.
+# of motorways (6 D = change of curvature per metre, 2e-4 on a winding road); lanes of 3.3-4 m, where it is narrow of
+# 2.9; 0.7 degrees of nod; crests of 6 km radius.
 UNKNOWN_ROAD = Prior(
     np.array([0, 0, 0, 0, 3.65, 0, 0]),
-    np.diag(np.square([0.8, 0.06, 0.006, 3e-5, 0.25, np.deg2rad(0.7), 1 / 6000])),
+    np.diag(np.square([0.8, 0.06, 0.006, 3e-5, 0.35, np.deg2rad(0.7), 1 / 6000])),
 )
 
 LOCATION_STD_PX = 1.0  # how well a crest is located in the frame ...

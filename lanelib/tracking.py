@@ -48,10 +48,13 @@ STEP_STD = np.array([0.016, 0.0035, 4e-4, np.nan, 0.0075, 0.004, 6e-5])
 # What is shown lies ALPHA of the way from where it was going to the new fit. How the lane changes from frame to frame
 # is learned from each surprise by BETA of it, and forgotten within a second. (Alpha-beta filter: Brookner, Tracking and
 # Kalman Filtering Made Easy, ch. 1.) Less of either is calmer on a straight road and late in a quick lane change.
-ALPHA, BETA = 0.5, 0.2
+ALPHA, BETA = np.array([0.2, 0.3, 0.4, 0.5, 0.3]), 0.2  # ALPHA of centre, heading, bend, rate, width
 # Which numbers go on changing as they did. Bumps come without warning: pitch and hill are shown as seen.
 DRIFTS = np.array([0.95, 0.95, 0.95, 0.0, 0.0, 0.0, 0.0])
 LEARNED, LEARNING = [WIDTH, PITCH], 0.02  # of the drive: with a memory of 50 frames, quicker at its begin
+# Lanes of one drive differ less than those of all roads: this takes the place of the unknown road's spread of widths
+DRIVE_COVARIANCE = UNKNOWN_ROAD.covariance.copy()
+DRIVE_COVARIANCE[WIDTH, WIDTH] = 0.25**2
 JUMPS = np.array([0.4, 0.07, 0.01, np.inf, 0.4, np.inf, np.inf])  # a larger surprise is another lane
 # Of the change of curvature from one frame to the next: none and bends that tighten come late, all and they overshoot.
 RATE_MEMORY = 0.8
@@ -127,7 +130,7 @@ class LaneTracker:
         over some seconds."""
         mean = UNKNOWN_ROAD.mean.copy()
         mean[LEARNED] = self._learned
-        return Prior(mean, UNKNOWN_ROAD.covariance)
+        return Prior(mean, DRIVE_COVARIANCE if self._lessons else UNKNOWN_ROAD.covariance)
 
     def predict(self) -> Prior | None:
         """Where the lane should be in the next frame; None when nothing is known.
@@ -139,7 +142,7 @@ class LaneTracker:
         if self.fit is None:
             return None
         base = self.background.mean
-        spread = UNKNOWN_ROAD.covariance.diagonal().copy()
+        spread = DRIVE_COVARIANCE.diagonal().copy()
         spread[RATE] = min(spread[RATE], rate_std(self.fit.mean) ** 2)
         r = np.sqrt(1 - np.fmin(self.step_std**2 / spread, 1))
         r[RATE] = RATE_MEMORY

@@ -307,6 +307,35 @@ def test_what_no_road_can_be_does_not_hide_what_one_can_be(monkeypatch):
     assert LaneFinder(RIG, track=False).process(FRAME).reason.startswith("implausible lane: width 2.4")
 
 
+def test_a_road_without_paint_has_no_lane():
+    """Asphalt, cracks and grass of forty roads at random: none begins with what little lies on a line."""
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        road, pose = Road([0], [rng.uniform(-1, 1) / 300]), CarPose(10, *rng.uniform(-1, 1, 2) * (0.5, 0.02))
+        scene = Scene(seed=seed, left=None, right=None, others=(), road=road, pose=pose)
+        assert not LaneFinder(rig_of_scene(scene), track=False).process(render_road(scene)[0]), seed
+
+
+def test_one_line_alone_needs_more_paint_to_begin_with_than_to_go_on():
+    """12 rows of one line, nothing on the other: a tracked lane goes on, but none begins."""
+    view = View(RIG)
+    finder = LaneFinder(RIG)
+    fit = finder.process(FRAME).fit
+    support = np.zeros_like(fit.support)
+    support[0, 20:32] = 1
+    little = replace(fit, support=support, energy=20.0)
+    assert finder._judge(little)[0] is not None
+    assert "on one line alone, 13 needed" in finder._judge(little, begins=True)[1]
+    support[0, 32:34] = 1
+    assert finder._judge(replace(little, support=support), begins=True)[0] is not None
+    both = np.zeros_like(fit.support)
+    both[0, 20:27] = both[1, 20:22] = 1
+    assert finder._judge(replace(little, support=both), begins=True)[0] is not None
+    points, picture = finder.points(FRAME, view)
+    few = points.some(np.flatnonzero((points.bearing < 0) & (points.row > points.n_rows - 13)))
+    assert "on one line alone" in LaneFinder(RIG)._best(few, picture, view)[1]
+
+
 @pytest.mark.parametrize("beyond_m", [0.1, 0.4])
 def test_a_lane_that_does_not_hold_the_car_is_not_begun(beyond_m):
     """The car is beyond the right line of a painted lane; to its right there is nothing."""
