@@ -9,6 +9,7 @@ import json
 import sys
 import tempfile
 import threading
+from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
@@ -39,6 +40,7 @@ from lanelib.runs import describe, picture_of, run_video, write_pictures
 from lanelib.threshold import recipe_by_name
 
 MAX_FRAMES_OF_CLIP = 40  # for a rig; more only repeat each other
+MEASURED_FRAMES = 25  # of a live source, again and again, to know its rate: less light or a busy computer change it
 
 
 # ---------------------------------------------------------------------------------------------- calibrate, rig, fetch
@@ -254,10 +256,11 @@ def live(args: argparse.Namespace, console: Console) -> int:
     from lanelib import live as streaming
 
     rig_given = None if args.rig is None else rigs.load_rig(args.rig)
-    finder, waiting = None, []
+    finder, waiting, times = None, [], deque(maxlen=MEASURED_FRAMES)
 
     def step(frame: np.ndarray, index: int, time_s: float) -> np.ndarray:
         nonlocal finder
+        times.append(time_s)
         if finder is None:
             chosen = rig_given
             if chosen is None:
@@ -270,6 +273,8 @@ def live(args: argparse.Namespace, console: Console) -> int:
                 waiting.clear()
             rigs.check_fits(chosen, frame.shape[1::-1], args.source)
             finder = LaneFinder(chosen, recipe=args.recipe, neighbours=args.neighbours)
+        if index % MEASURED_FRAMES == 0 and times[-1] > times[0]:
+            finder.tracker.set_fps((len(times) - 1) / (times[-1] - times[0]))
         return picture_of(args.view, frame, finder.process(frame), finder)
 
     summary = streaming.live(

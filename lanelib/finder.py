@@ -28,7 +28,7 @@ from lanelib.neighbours import MOST_LANES, find_neighbours
 from lanelib.paint import evidence_of, paint_points
 from lanelib.result import LaneResult, line_at_rows
 from lanelib.rig import SCAN_COLUMN_M, Rig, View
-from lanelib.tracking import LaneTracker
+from lanelib.tracking import FPS, LaneTracker
 
 __all__ = ["LaneFinder", "LaneResult", "Rig", "View", "confidence_of", "line_at_rows"]
 
@@ -47,7 +47,8 @@ class LaneFinder:
     (one lane) or "windows" (sliding windows, two lines apart; what the classic recipes use by default). ``order``:
     "finder" (warp first) or "textbook" (undistort, threshold, warp). ``track=False`` looks at each frame on its own.
     ``smoothing``: see ``tracking``. ``neighbours``: how many lanes to look for on each side of the ego lane, 0-2; they
-    cost a few milliseconds a frame and do not change the ego lane. Raises LanelibError for an unknown name.
+    cost a few milliseconds a frame and do not change the ego lane. ``fps``: how many frames a second are tracked.
+    Raises LanelibError for an unknown name and a rate that is none.
     """
 
     def __init__(
@@ -60,6 +61,7 @@ class LaneFinder:
         track: bool = True,
         smoothing: str = "kalman",
         neighbours: int = 0,
+        fps: float = FPS,
     ):
         self.rig, self.track, self.neighbours = rig, track, int(neighbours)
         self.recipe = threshold.recipe_by_name(recipe)
@@ -74,12 +76,12 @@ class LaneFinder:
             )
         if not 0 <= self.neighbours <= MOST_LANES:
             raise LanelibError(f"neighbours must be 0 to {MOST_LANES} lanes on each side, found {neighbours}")
-        self.tracker = LaneTracker(smoothing=smoothing)
+        self.tracker = LaneTracker(smoothing=smoothing, fps=fps)
         self._views: dict[tuple[int, int], View] = {}
 
     def reset(self) -> None:
         """Forget what was seen so far, as before the first frame of another clip."""
-        self.tracker = LaneTracker(smoothing=self.tracker.smoothing)
+        self.tracker = LaneTracker(smoothing=self.tracker.smoothing, fps=self.tracker.fps)
 
     def view(self, size_wh: tuple[int, int]) -> View:
         """The rig prepared for frames of this size; kept for the next frame. LanelibError where the aspect ratio

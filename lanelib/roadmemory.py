@@ -34,10 +34,10 @@ WEIGHTS_M = [NEAR_M / 6, NEAR_M / 3, NEAR_M / 3, NEAR_M / 6]  # the trapezoidal 
 
 
 class RoadMemory:
-    """The state: ``travelled_m`` so far, and what was seen where."""
+    """The state: ``travelled_m`` so far, and what was seen where. ``frame_s``: seconds from frame to frame."""
 
-    def __init__(self):
-        self.travelled_m = 0.0
+    def __init__(self, frame_s: float = FRAME_S):
+        self.travelled_m, self.frame_s = 0.0, frame_s
         self._step_m: float | None = None  # of the last frame
         self._looks: deque[tuple[float, float]] = deque()  # place and curvature, from behind the car to ahead of it
 
@@ -47,7 +47,7 @@ class RoadMemory:
         is yet."""
         middle = min(MIDDLE_M, sum(lane.y_range_m) / 2)
         here, ahead, beyond, *told = centre_curvature(mean, (0.0, middle, BEYOND_M, *STEPS_M))
-        self._step_m = driven(self._step_m, advance_m(max(abs(here), abs(beyond))))
+        self._step_m = driven(self._step_m, advance_m(max(abs(here), abs(beyond)), self.frame_s), self.frame_s)
         self.travelled_m += self._step_m
         if measured:
             self._looks.append((self.travelled_m + middle, ahead))
@@ -80,13 +80,13 @@ class RoadMemory:
         return float(np.interp(asked, place, curvature, left=math.nan, right=math.nan))
 
 
-def advance_m(sharpest_1pm: float) -> float:
+def advance_m(sharpest_1pm: float, frame_s: float = FRAME_S) -> float:
     """How far a car comes in a frame on a road of this curvature, about."""
-    return FRAME_S * min(math.sqrt(LATERAL_MPS2 / max(sharpest_1pm, 1e-9)), FASTEST_MPS)
+    return frame_s * min(math.sqrt(LATERAL_MPS2 / max(sharpest_1pm, 1e-9)), FASTEST_MPS)
 
 
-def driven(last_m: float | None, wanted_m: float) -> float:
+def driven(last_m: float | None, wanted_m: float, frame_s: float = FRAME_S) -> float:
     """The way of this frame, where the last one's was ``last_m``: a car changes its speed only so fast."""
     if last_m is None:
         return wanted_m
-    return min(max(wanted_m, last_m - SLOW_DOWN_MPS2 * FRAME_S**2), last_m + SPEED_UP_MPS2 * FRAME_S**2)
+    return min(max(wanted_m, last_m - SLOW_DOWN_MPS2 * frame_s**2), last_m + SPEED_UP_MPS2 * frame_s**2)

@@ -91,8 +91,8 @@ def run_video(
 ) -> tuple[Summary, Tally]:
     """The lane followed through one video, drawn to `out` (None: nowhere); `write_row` gets a row of each frame, whose
     `raw_file` is `NAME.mp4:000123`, counted from the begin of the file."""
-    finder, tally = LaneFinder(rig, recipe=recipe, neighbours=neighbours), Tally(path.name)
-    size_wh = probe(path).size_wh
+    info, tally = probe(path), Tally(path.name)
+    finder, size_wh = LaneFinder(rig, recipe=recipe, neighbours=neighbours, fps=info.fps), info.size_wh
     even = all(n % 2 == 0 for n in size_wh)
     planes = even and (view == "overlay" or out is None)  # as the file stores them: no colour conversion either way
 

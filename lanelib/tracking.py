@@ -40,17 +40,19 @@ from lanelib.jointfit import (
 from lanelib.lane import Lane
 from lanelib.roadmemory import RoadMemory
 
+FPS = 25.0  # every number of frames, and every share of a frame, below is for so many frames a second
+SLOWEST, FASTEST = 0.1, 5.0  # times as many frames a second, or as few, are taken for such a rate
 # How far each number departs from its prediction: standard deviation of a step from frame to frame at 25 frames a
 # second. Centre: 0.4 m/s sideways; heading: 0.09 radians a second; bend: from straight to R 60 m in a second; rate: by
 # its memory, below; width: 0.2 m/s; pitch: 6 degrees a second over bumps. A third or three times of these do as
 # well; a tenth lags, ten times lose the lane (notebook 05).
 STEP_STD = np.array([0.016, 0.0035, 4e-4, np.nan, 0.0075, 0.004, 6e-5])
 # What is shown lies ALPHA of the way from where it was going to the new fit. How the lane changes from frame to frame
-# is learned from each surprise by BETA of it, and forgotten within a second. (Alpha-beta filter: Brookner, Tracking and
+# is learned from each surprise by BETA of it, and forgotten within a second or two. (Alpha-beta filter: Brookner, Tracking and
 # Kalman Filtering Made Easy, ch. 1.) Less of either is calmer on a straight road and late in a quick lane change.
 ALPHA, BETA = np.array([0.2, 0.3, 0.4, 0.5, 0.3]), 0.2  # ALPHA of centre, heading, bend, rate, width
 # Which numbers go on changing as they did. Bumps come without warning: pitch and hill are shown as seen.
-DRIFTS = np.array([0.95, 0.95, 0.95, 0.0, 0.0, 0.0, 0.0])
+DRIFTS = np.array([0.98, 0.95, 0.95, 0.0, 0.0, 0.0, 0.0])
 LEARNED, LEARNING = [WIDTH, PITCH], 0.02  # of the drive: with a memory of 50 frames, quicker at its begin
 # Lanes of one drive differ less than those of all roads: this takes the place of the unknown road's spread of widths
 DRIVE_COVARIANCE = UNKNOWN_ROAD.covariance.copy()
@@ -90,26 +92,41 @@ class LaneTracker:
 
     Use: ``prior = tracker.predict()``; fit the frame under it; ``event = tracker.update(fit)`` or
     ``tracker.update(None, "why")``; the smoothed lane is ``tracker.shown`` (None when there is none). ``tracker.fit``
-    is what the next prediction starts from.
+    is what the next prediction starts from. ``fps``: frames a second; ``hold_frames``: for how many a lost lane is
+    held, by default half a second's. Raises LanelibError for an unknown smoothing, and for a rate not above 0.
     """
 
     def __init__(
         self,
         *,
         smoothing: str = "kalman",
-        hold_frames: int = HOLD_FRAMES,
+        hold_frames: int | None = None,
         n: int = 6,
         alpha: float = 0.3,
         step_std: np.ndarray = STEP_STD,
+        fps: float = FPS,
     ):
         if smoothing not in SMOOTHING:
             raise LanelibError(f"smoothing must be one of {', '.join(SMOOTHING)}, found {smoothing!r}")
-        self.smoothing, self.hold_frames, self.alpha = smoothing, hold_frames, alpha
-        self.step_std = np.asarray(step_std, float)
+        self.smoothing, self.alpha = smoothing, alpha
+        self._hold_frames, self._step_std = hold_frames, np.asarray(step_std, float)
+        self.road = RoadMemory()
+        self.set_fps(fps)
         self._history: deque[JointFit] = deque(maxlen=max(n - 1, 0))
         self._learned, self._lessons = UNKNOWN_ROAD.mean[LEARNED], 0
         self._frames = 0
         self.reset()
+
+    def set_fps(self, fps: float) -> None:
+        """From now on so many frames a second; what is known stays."""
+        if not 0 < fps < np.inf:
+            raise LanelibError(f"a tracker needs a rate above 0 frames a second, found {fps}")
+        self.fps, self.pace = fps, min(max(FPS / fps, SLOWEST), FASTEST)  # pace: frames of the model in one of ours
+        self.hold_frames = round(HOLD_FRAMES / self.pace) if self._hold_frames is None else self._hold_frames
+        self.step_std = self._step_std * np.sqrt(self.pace)
+        self._drifts = DRIFTS**self.pace
+        self._alpha, self._beta = 1 - (1 - ALPHA) ** self.pace, 1 - (1 - BETA) ** self.pace
+        self.road.frame_s = self.pace / FPS
 
     def reset(self) -> None:
         """Forget the lane (what was learned of the drive stays)."""
@@ -118,7 +135,7 @@ class LaneTracker:
         self._drift = np.zeros(7)  # how the lane changes from frame to frame
         self._expected: np.ndarray | None = None  # the mean of the last prediction
         self.missed = 0
-        self.road = RoadMemory()
+        self.road = RoadMemory(self.pace / FPS)
         self._history.clear()
         self._doubts, self._unchecked, self._usual_rows = 0, 0, 0.0
         self._rival: np.ndarray | None = None
@@ -145,7 +162,7 @@ class LaneTracker:
         spread = DRIVE_COVARIANCE.diagonal().copy()
         spread[RATE] = min(spread[RATE], rate_std(self.fit.mean) ** 2)
         r = np.sqrt(1 - np.fmin(self.step_std**2 / spread, 1))
-        r[RATE] = RATE_MEMORY
+        r[RATE] = RATE_MEMORY**self.pace
         covariance = self.fit.covariance * np.outer(r, r)
         covariance.flat[:: len(r) + 1] += (1 - r**2) * spread
         self._expected = base + r * (self.fit.mean - base) + self._drift
@@ -176,7 +193,7 @@ class LaneTracker:
             calm = [old + 0.4 * (new - old) for old, new in zip(self.fit.inward_m, fit.inward_m, strict=True)]
             smoothed = replace(smoothed, inward_m=tuple(calm))
         self._lessons += 1
-        self._learned += max(LEARNING, 1 / (self._lessons + 2)) * (smoothed.mean[LEARNED] - self._learned)
+        self._learned += max(LEARNING * self.pace, 1 / (self._lessons + 2)) * (smoothed.mean[LEARNED] - self._learned)
         self.fit, handover = handed_over(smoothed)
         if handover:
             self._history.clear()
@@ -205,7 +222,7 @@ class LaneTracker:
         self._unchecked += 1
         if not lost and not fading and min(fit.rows) >= CLEAR_ROWS:
             self._doubts = 0
-            look = self._unchecked >= (CHECK_SURE_EVERY if confidence_of(fit) > SURE else CHECK_EVERY)
+            look = self._unchecked * self.pace >= (CHECK_SURE_EVERY if confidence_of(fit) > SURE else CHECK_EVERY)
         else:
             self._doubts += 1
             look = self._doubts % LOOK_AGAIN == 1
@@ -247,9 +264,9 @@ class LaneTracker:
         if not anew and self.smoothing == "kalman" and last is not None and self._expected is not None:
             surprise = fit.mean - self._expected
             if (np.abs(surprise) < JUMPS).all():
-                self._drift = DRIFTS * (self._drift + BETA * surprise)
+                self._drift = self._drifts * (self._drift + self._beta * surprise)
                 mean = fit.mean.copy()
-                mean[:PITCH] -= (1 - ALPHA) * (fit.mean - last.mean - self._drift)[:PITCH]
+                mean[:PITCH] -= (1 - self._alpha) * (fit.mean - last.mean - self._drift)[:PITCH]
                 self.shown = replace(fit, mean=mean)
                 return
         self._drift = np.zeros(7)

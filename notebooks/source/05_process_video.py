@@ -533,7 +533,8 @@ figures.show({f"{seconds[i]:.2f} s: {seen[i].status}": draw.overlay(troubled[i],
 # - Steps tuned on a motorway: the first hairpin leaves the prediction behind, and nothing looks wrong until then.
 # - A gap longer than half a second in a bend: then there is honestly no lane.
 # - A false lane that is *better* than the true one for two frames (a fresh white seam) takes over.
-# - The frame rate is part of the model: the steps are for 25 frames a second. At 10 the lane moves two and a half times as far.
+# - The frame rate is part of the model: at 10 frames a second a lane moves two and a half times as far from frame to frame
+#   as at 25. Whoever does not say `fps=10` gets a tracker that comes late.
 #
 # ## How production systems do it
 #
