@@ -48,8 +48,9 @@ SLOWEST, FASTEST = 0.1, 5.0  # times as many frames a second, or as few, are tak
 # well; a tenth lags, ten times lose the lane (notebook 05).
 STEP_STD = np.array([0.016, 0.0035, 4e-4, np.nan, 0.0075, 0.004, 6e-5])
 # What is shown lies ALPHA of the way from where it was going to the new fit. How the lane changes from frame to frame
-# is learned from each surprise by BETA of it, and forgotten within a second or two. (Alpha-beta filter: Brookner, Tracking and
-# Kalman Filtering Made Easy, ch. 1.) Less of either is calmer on a straight road and late in a quick lane change.
+# is learned from each surprise by BETA of it, and forgotten within a second or two. (Alpha-beta filter: Brookner,
+# Tracking and Kalman Filtering Made Easy, ch. 1.) Less of either is calmer on a straight road and late in a quick lane
+# change.
 ALPHA, BETA = np.array([0.2, 0.3, 0.4, 0.5, 0.3]), 0.2  # ALPHA of centre, heading, bend, rate, width
 # Which numbers go on changing as they did. Bumps come without warning: pitch and hill are shown as seen.
 DRIFTS = np.array([0.98, 0.95, 0.95, 0.0, 0.0, 0.0, 0.0])

@@ -693,7 +693,7 @@ for what, values in lateral.items():
 # 3. Both lines diverge: 3.6 m apart at the car, 4.4 m at 20 m. Name two explanations and how one could tell them apart.
 
 # %% [markdown] tags=["answer"]
-# 1. Heading and bend, from the left line; the width only from the prior (3.65 ± 0.25 m), so the right line is known to
+# 1. Heading and bend, from the left line; the width only from the prior (3.65 ± 0.35 m), so the right line is known to
 #    about 25 cm, and its standard deviation says so.
 # 2. The length. Twice the pixels gain a factor √2 at best (less: they are not independent), twice the length a factor 4.
 # 3. A lane that widens, or a nose that points down. One frame on a straight road hardly tells; over time it does: a car
