@@ -601,11 +601,14 @@ n04.hough(paint, single_lines(paint))
 
 # %% [markdown]
 # The brightest spots are the yellow line, at a bend to the left. They lie on a slanting ridge: a little more bend and a little
-# less heading is nearly the same line, so its votes spread, and the four strongest lines are four readings of one stripe of
-# paint. For each a **partner** is sought, parallel
-# to it, over all widths from 2.6 to 4.6 m and all pitches; the most promising lanes are fitted, and the one with the
-# most paint and the fewest objections of the prior wins. The windows' habit of taking the *next* lane's dashes, or of
-# losing the far ones, has no place here: a partner is wanted at a width.
+# less heading is nearly the same line, so its votes spread, and the strongest lines of all would be readings of one stripe of
+# paint. On a motorway that stripe may be the far edge of the *next* lane. So lines are chosen one after the other, at most
+# three on either side of the car, and the points of a chosen line count half from then on: now the dashes on the right have
+# their turn, and after them a curve through what is left.
+#
+# For each line a **partner** is sought, parallel to it, over all widths from 2.6 to 4.6 m and all pitches; the most promising
+# lanes with the car between them are fitted, and the one with the most paint and the fewest objections of the prior wins. The
+# windows' habit of taking the next lane's dashes, or of losing the far ones, has no place here: a partner is wanted at a width.
 
 # %%
 for mean in hypotheses(paint):
@@ -694,7 +697,7 @@ for what, values in lateral.items():
 
 # %% [markdown] tags=["answer"]
 # 1. Heading and bend, from the left line; the width only from the prior (3.65 ± 0.35 m), so the right line is known to
-#    about 25 cm, and its standard deviation says so.
+#    about 35 cm, and its standard deviation says so.
 # 2. The length. Twice the pixels gain a factor √2 at best (less: they are not independent), twice the length a factor 4.
 # 3. A lane that widens, or a nose that points down. One frame on a straight road hardly tells; over time it does: a car
 #    nods back within a second, and the dashes, too, change their apparent period with pitch but not with width.
