@@ -6,7 +6,8 @@ from pathlib import Path
 
 def main():
     parser = argparse.ArgumentParser(prog="python -m render", description=__doc__)
-    parser.add_argument("what", choices=["boards", "stills", "rig", "video", "encode", "check", "stats", "all"])
+    kinds = ["boards", "stills", "rig", "video", "encode", "check", "stats", "strangers", "all"]
+    parser.add_argument("what", choices=kinds)
     parser.add_argument(
         "names", nargs="*", help="pictures (without .jpg) or clips (without .mp4); default: all of them"
     )
@@ -16,6 +17,7 @@ def main():
     parser.add_argument("--force", action="store_true", help="also what is up to date")
     parser.add_argument("--frames", type=int, help="video: stop after so many frames")
     parser.add_argument("--every", type=int, default=1, help="video: only every n-th frame (previews)")
+    parser.add_argument("--cameras", type=int, default=12, help="strangers: how many, five pictures each")
     a = parser.parse_args()
     if a.shrink > 1 and a.to is None:
         parser.error("a preview (--shrink) needs a folder of its own: --to FOLDER")
@@ -41,6 +43,10 @@ def main():
         from .clips import encode_clips
 
         encode_clips(a.names)
+    if a.what == "strangers":
+        from .strangers import render_strangers
+
+        render_strangers(a.cameras, spp=a.spp or 6, **({"folder": a.to} if a.to else {}))
     if a.what == "check":
         from .check import check
 

@@ -19,7 +19,7 @@ from lanelib.road import CarPose, Mounting
 from .files import is_current, remember, scene_key, write_bytes, write_json
 from .lens import HERE, ROOT, true_lens
 from .shoot import shoot
-from .stills import merged
+from .stills import layouts, merged
 from .world import World, mounting_of
 
 FOLDER = ROOT / "test_videos" / "rendered"
@@ -29,13 +29,10 @@ CRF, EXPOSURE_S = 22, 1 / 400  # H.264 quality; shutter of a dash cam in dayligh
 
 
 def describe():
-    """{name: scene}: clips take layouts of stills.toml and of videos.toml."""
-    layouts = tomllib.loads((HERE / "scenes" / "stills.toml").read_text())["layouts"]
+    """{name: scene}: the clips of videos.toml with their layouts."""
+    roads = layouts()
     about = tomllib.loads((HERE / "scenes" / "videos.toml").read_text())
-    for name, layout in layouts.items():
-        if "like" in layout:
-            layouts[name] = merged(layouts[layout["like"]], layout)
-    return {c["name"]: merged(layouts[c["layout"]], c) for c in about["clip"]}
+    return {c["name"]: merged(roads[c["layout"]], c) for c in about["clip"]}
 
 
 class Drive:

@@ -29,11 +29,13 @@ def hidden_test(scene, world_from_car, mounting):
     return hidden
 
 
-def light_of(mitsuba_scene, pose4, *, spp, seed, shrink=1, end_pose=None, still=None, max_depth=5, clamp=30.0):
+def light_of(
+    mitsuba_scene, pose4, *, spp, seed, shrink=1, end_pose=None, still=None, max_depth=5, clamp=30.0, lens=None
+):
     """(light, depth): denoised linear RGB and mean distance (0 for the sky)."""
     out = trace(
         mitsuba_scene,
-        true_lens(),
+        lens or true_lens(),
         pose4,
         spp=spp,
         seed=seed,
@@ -82,11 +84,14 @@ def shoot(
     end=None,
     max_depth=5,
     keep=None,
+    lens=None,
+    h_samples=H_SAMPLES,
 ):
     """(frame_bgr, truth) of one moment.
 
     end: pose and mounting at the end of the exposure. keep: a file for the light before it is developed (float16), so
-    that the camera's settings can be tuned with `redevelop` without tracing again.
+    that the camera's settings can be tuned with `redevelop` without tracing again. lens: another camera than the
+    shipped pictures'.
     """
     scene = world.scene
     mounting = mounting or mounting_of(scene)
@@ -101,8 +106,9 @@ def shoot(
         max_depth=max_depth,
         end_pose=None if end is None else camera_pose(end[0].world_from_car(world.road), end[1]),
         still=world.bonnet,
+        lens=lens,
     )
-    truth = truth_of(world, pose, mounting, loaded, raw_file, tags)
+    truth = truth_of(world, pose, mounting, loaded, raw_file, tags, lens=lens, h_samples=h_samples)
     dr.flush_malloc_cache()
     if keep is not None:
         keep.parent.mkdir(parents=True, exist_ok=True)
@@ -110,9 +116,9 @@ def shoot(
     return redevelop(light, depth, scene, seed), truth
 
 
-def truth_of(world, pose, mounting=None, loaded=None, raw_file="", tags=()):
+def truth_of(world, pose, mounting=None, loaded=None, raw_file="", tags=(), *, lens=None, h_samples=H_SAMPLES):
     """The truth of a moment; visibility is found by rays through the loaded scene."""
-    lens, (left, right) = true_lens(), lane_of(world.scene)
+    lens, (left, right) = lens or true_lens(), lane_of(world.scene)
     mounting, loaded = mounting or mounting_of(world.scene), loaded or world.load(pose)
     hidden = hidden_test(loaded, pose.world_from_car(world.road), mounting)
     return frame_truth(
@@ -126,7 +132,7 @@ def truth_of(world, pose, mounting=None, loaded=None, raw_file="", tags=()):
         right,
         raw_file=raw_file,
         tags=tags,
-        h_samples=H_SAMPLES,
+        h_samples=h_samples,
         hidden=hidden,
     )
 

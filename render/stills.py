@@ -25,12 +25,19 @@ def merged(base, own):
     return out
 
 
-def describe():
-    about = tomllib.loads((HERE / "scenes" / "stills.toml").read_text())
-    for name, layout in about["layouts"].items():
+def layouts():
+    """The roads of stills.toml by name, each with what it takes from another."""
+    found = tomllib.loads((HERE / "scenes" / "stills.toml").read_text())["layouts"]
+    for name, layout in found.items():
         if "like" in layout:
-            about["layouts"][name] = merged(about["layouts"][layout["like"]], layout)
-    return [merged(about["layouts"][p["layout"]], p) for p in about["picture"]]
+            found[name] = merged(found[layout["like"]], layout)
+    return found
+
+
+def describe():
+    roads = layouts()
+    pictures = tomllib.loads((HERE / "scenes" / "stills.toml").read_text())["picture"]
+    return [merged(roads[p["layout"]], p) for p in pictures]
 
 
 def render_stills(names=None, *, spp=24, force=False, shrink=1, folder=FOLDER):
