@@ -52,6 +52,7 @@ STEP_STD = np.array([0.016, 0.0035, 4e-4, np.nan, 0.0075, 0.004, 6e-5])
 # Tracking and Kalman Filtering Made Easy, ch. 1.) Less of either is calmer on a straight road and late in a quick lane
 # change.
 ALPHA, BETA = np.array([0.2, 0.3, 0.4, 0.5, 0.3]), 0.2  # ALPHA of centre, heading, bend, rate, width
+SWERVE_ALPHA, SWERVE_M = 0.5, 0.015  # of the centre, once the car moves so far sideways in a frame: 0.4 m/s
 # Which numbers go on changing as they did. Bumps come without warning: pitch and hill are shown as seen.
 DRIFTS = np.array([0.98, 0.95, 0.95, 0.0, 0.0, 0.0, 0.0])
 LEARNED, LEARNING = [WIDTH, PITCH], 0.02  # of the drive: with a memory of 50 frames, quicker at its begin
@@ -127,6 +128,7 @@ class LaneTracker:
         self.step_std = self._step_std * np.sqrt(self.pace)
         self._drifts = DRIFTS**self.pace
         self._alpha, self._beta = 1 - (1 - ALPHA) ** self.pace, 1 - (1 - BETA) ** self.pace
+        self._swerve_alpha, self._swerve_m = 1 - (1 - SWERVE_ALPHA) ** self.pace, SWERVE_M * self.pace
         self.road.frame_s = self.pace / FPS
 
     def reset(self) -> None:
@@ -266,8 +268,10 @@ class LaneTracker:
             surprise = fit.mean - self._expected
             if (np.abs(surprise) < JUMPS).all():
                 self._drift = self._drifts * (self._drift + self._beta * surprise)
-                mean = fit.mean.copy()
-                mean[:PITCH] -= (1 - self._alpha) * (fit.mean - last.mean - self._drift)[:PITCH]
+                alpha, mean = self._alpha.copy(), fit.mean.copy()
+                swerves = min(1.0, (self._drift[CENTRE] / self._swerve_m) ** 2)
+                alpha[CENTRE] += swerves * (self._swerve_alpha - alpha[CENTRE])
+                mean[:PITCH] -= (1 - alpha) * (fit.mean - last.mean - self._drift)[:PITCH]
                 self.shown = replace(fit, mean=mean)
                 return
         self._drift = np.zeros(7)

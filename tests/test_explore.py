@@ -431,12 +431,13 @@ def test_boards_need_their_pictures(calibrated, tmp_path):
 
 
 # ------------------------------------------------------------------------------------------------ smoothing
-def synthetic_fits(n=120, *, std=0.08, seed=3):
-    """A lane that swings under the car, measured with a known error; the truth as the truth file tells it."""
+def synthetic_fits(n=120, *, std=0.08, seed=3, frames=12):
+    """A lane that swings under the car, a radian in so many ``frames``, measured with a known error; the truth as the
+    truth file tells it."""
     random = np.random.default_rng(seed)
     fits, truth = [], []
     for i in range(n):
-        centre = 0.4 * np.sin(i / 12)
+        centre = 0.4 * np.sin(i / frames)
         mean = UNKNOWN_ROAD.mean.copy()
         mean[CENTRE] = centre + random.normal() * std
         covariance = np.diag([std**2, 1e-6, 1e-8, 1e-12, 1e-4, 1e-6, 1e-10])
@@ -465,7 +466,7 @@ def test_smoothing_numbers_are_those_of_the_curves():
 
 
 def test_smoothing_kalman_has_the_least_error_and_none_is_the_frames_own():
-    fits, truth = synthetic_fits(240, std=0.05)  # a swing as quick as a lane change: 0.8 m/s
+    fits, truth = synthetic_fits(240, std=0.05, frames=18)  # a swing nearly as quick as a lane change: 0.55 m/s
     found = {
         name: explore.smoothing_look(fits, truth, smoothing=name).values for name in ("none", "exponential", "kalman")
     }
