@@ -209,12 +209,7 @@ DIFFERENT_M = 0.4, 0.4, 1.0, 1.0  # two lanes are different when one of their la
 
 def differ(a, b) -> bool:
     """Whether two means (7,) are different lanes: one of their lines differs by 0.4 m at 6 m or by 1 m at 20 m."""
-    return apart(landmarks(a), landmarks(b))
-
-
-def apart(a, b, *, least_m=DIFFERENT_M) -> bool:
-    """``differ`` of two lanes' landmarks (4,)."""
-    return bool((np.abs(a - b) > least_m).any())
+    return bool((np.abs(landmarks(a) - landmarks(b)) > DIFFERENT_M).any())
 
 
 BESIDE_M = 0.25  # so far beyond a line the car's centre may be before another lane is its own: no flicker on a line
