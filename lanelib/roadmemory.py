@@ -34,20 +34,20 @@ WEIGHTS_M = [NEAR_M / 6, NEAR_M / 3, NEAR_M / 3, NEAR_M / 6]  # the trapezoidal 
 
 
 class RoadMemory:
-    """The state: ``travelled_m`` so far, and what was seen where. ``frame_s``: seconds from frame to frame."""
+    """The state: ``travelled_m`` so far, and what was seen where."""
 
-    def __init__(self, frame_s: float = FRAME_S):
-        self.travelled_m, self.frame_s = 0.0, frame_s
+    def __init__(self):
+        self.travelled_m = 0.0
         self._step_m: float | None = None  # of the last frame
         self._looks: deque[tuple[float, float]] = deque()  # place and curvature, from behind the car to ahead of it
 
-    def update(self, lane: Lane, mean: np.ndarray, *, measured: bool) -> Lane:
-        """One frame further: keep what the joint fit's ``mean`` (7,) says of the road ahead (where it was
-        ``measured``), and give back its ``lane`` with what is known of the road at the car; as it was, where nothing
-        is yet."""
+    def update(self, lane: Lane, mean: np.ndarray, *, measured: bool, frame_s: float = FRAME_S) -> Lane:
+        """One frame of ``frame_s`` seconds further: keep what the joint fit's ``mean`` (7,) says of the road ahead
+        (where it was ``measured``), and give back its ``lane`` with what is known of the road at the car; as it was,
+        where nothing is yet."""
         middle = min(MIDDLE_M, sum(lane.y_range_m) / 2)
         here, ahead, beyond, *told = centre_curvature(mean, (0.0, middle, BEYOND_M, *STEPS_M))
-        self._step_m = driven(self._step_m, advance_m(max(abs(here), abs(beyond)), self.frame_s), self.frame_s)
+        self._step_m = driven(self._step_m, advance_m(max(abs(here), abs(beyond)), frame_s), frame_s)
         self.travelled_m += self._step_m
         if measured:
             self._looks.append((self.travelled_m + middle, ahead))

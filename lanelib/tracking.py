@@ -41,7 +41,7 @@ from lanelib.lane import Lane
 from lanelib.roadmemory import RoadMemory
 
 FPS = 25.0  # every number of frames, and every share of a frame, below is for so many frames a second
-SLOWEST, FASTEST = 0.1, 5.0  # times as many frames a second, or as few, are taken for such a rate
+LEAST_PACE, MOST_PACE = 0.1, 5.0  # rates above 250 and below 5 frames a second are taken for these
 # How far each number departs from its prediction: standard deviation of a step from frame to frame at 25 frames a
 # second. Centre: 0.4 m/s sideways; heading: 0.09 radians a second; bend: from straight to R 60 m in a second; rate: by
 # its memory, below; width: 0.2 m/s; pitch: 6 degrees a second over bumps. A third or three times of these do as
@@ -112,7 +112,6 @@ class LaneTracker:
             raise LanelibError(f"smoothing must be one of {', '.join(SMOOTHING)}, found {smoothing!r}")
         self.smoothing, self.alpha = smoothing, alpha
         self._hold_frames, self._step_std = hold_frames, np.asarray(step_std, float)
-        self.road = RoadMemory()
         self.set_fps(fps)
         self._history: deque[JointFit] = deque(maxlen=max(n - 1, 0))
         self._learned, self._lessons = UNKNOWN_ROAD.mean[LEARNED], 0
@@ -123,13 +122,15 @@ class LaneTracker:
         """From now on so many frames a second; what is known stays."""
         if not 0 < fps < np.inf:
             raise LanelibError(f"a tracker needs a rate above 0 frames a second, found {fps}")
-        self.fps, self.pace = fps, min(max(FPS / fps, SLOWEST), FASTEST)  # pace: frames of the model in one of ours
+        self.fps, self.pace = (
+            fps,
+            min(max(FPS / fps, LEAST_PACE), MOST_PACE),
+        )  # pace: frames of the model in one of ours
         self.hold_frames = round(HOLD_FRAMES / self.pace) if self._hold_frames is None else self._hold_frames
         self.step_std = self._step_std * np.sqrt(self.pace)
         self._drifts = DRIFTS**self.pace
         self._alpha, self._beta = 1 - (1 - ALPHA) ** self.pace, 1 - (1 - BETA) ** self.pace
         self._swerve_alpha, self._swerve_m = 1 - (1 - SWERVE_ALPHA) ** self.pace, SWERVE_M * self.pace
-        self.road.frame_s = self.pace / FPS
 
     def reset(self) -> None:
         """Forget the lane (what was learned of the drive stays)."""
@@ -138,7 +139,7 @@ class LaneTracker:
         self._drift = np.zeros(7)  # how the lane changes from frame to frame
         self._expected: np.ndarray | None = None  # the mean of the last prediction
         self.missed = 0
-        self.road = RoadMemory(self.pace / FPS)
+        self.road = RoadMemory()
         self._history.clear()
         self._doubts, self._unchecked, self._usual_rows = 0, 0, 0.0
         self._rival: np.ndarray | None = None
@@ -186,7 +187,7 @@ class LaneTracker:
             self.fit = replace(self.fit, mean=self._held(prediction.mean), covariance=prediction.covariance)
             self._show(self.fit, anew=True)
             return Event("held", self.missed, reason)
-        self.missed = 0
+        again, self.missed = self.missed > 0, 0
         if self.fit is None:
             self._usual_rows = sum(fit.rows)
         smoothed = self._smooth(fit)
@@ -201,7 +202,7 @@ class LaneTracker:
         if handover:
             self._history.clear()
         self._history.append(self.fit if handover else fit)
-        self._show(self.fit, anew=handover)
+        self._show(self.fit, anew=handover or again)  # after a gap there is nothing to be calm against
         return Event("measured", 0, "", handover)
 
     def at_car(self, lane: Lane, *, measured: bool) -> Lane:
@@ -209,7 +210,7 @@ class LaneTracker:
         smoothers stay what they are."""
         if self.smoothing != "kalman":
             return lane
-        return self.road.update(lane, self.shown.mean, measured=measured)
+        return self.road.update(lane, self.shown.mean, measured=measured, frame_s=self.pace / FPS)
 
     def known_inward(self) -> tuple[float, float] | None:
         """How much further in a double line's boundary lies, as the last frames said; None when it is time to look

@@ -13,9 +13,9 @@ from lanelib.rig import View
 from lanelib.tracking import (
     ALPHA,
     DRIFTS,
-    FASTEST,
     HOLD_FRAMES,
-    SLOWEST,
+    LEAST_PACE,
+    MOST_PACE,
     SMOOTHING,
     STEP_STD,
     LaneTracker,
@@ -76,9 +76,9 @@ def test_time_passes_as_fast_at_any_rate():
         lane = View(rig()).lane(fit)
         before = tracker.road.travelled_m
         for _ in range(round(4 * fps)):
-            tracker.road.update(lane, fit.mean, measured=True)
+            tracker.at_car(lane, measured=True)
         assert tracker.road.travelled_m - before == pytest.approx(4 * np.sqrt(2 * 400), rel=0.02)  # R 400 m
-    assert LaneTracker(fps=1e9).pace == SLOWEST and LaneTracker(fps=1e-3).pace == FASTEST
+    assert LaneTracker(fps=1e9).pace == LEAST_PACE and LaneTracker(fps=1e-3).pace == MOST_PACE
     for none in (0, -25, np.nan, np.inf):
         with pytest.raises(LanelibError, match="above 0 frames a second"):
             LaneTracker(fps=none)
@@ -115,6 +115,18 @@ def test_a_swerve_is_shown_sooner_than_a_slow_drift():
         shown.append(tracker.shown.mean[CENTRE])
         measured.append(fit_now.mean[CENTRE])
     assert np.std(np.diff(shown)) < np.std(np.diff(measured)) / 3
+
+
+def test_after_a_gap_the_lane_is_shown_as_it_is_seen():
+    """The car moved by 10 cm while nothing was seen: what is shown does not creep there from the held lane."""
+    tracker, moved = LaneTracker(), replace(LANE_FIT, mean=LANE_FIT.mean + 0.1 * np.eye(7)[CENTRE])
+    for fit_or_none in (LANE_FIT, LANE_FIT, None, None, None, moved):
+        tracker.predict()
+        tracker.update(fit_or_none)
+    assert tracker.shown.mean[CENTRE] == moved.mean[CENTRE]
+    tracker.predict()
+    tracker.update(LANE_FIT)  # one frame that says otherwise is calmed again
+    assert abs(tracker.shown.mean[CENTRE] - moved.mean[CENTRE]) < 0.06
 
 
 def test_the_rate_may_change_and_nothing_is_forgotten():

@@ -202,8 +202,9 @@ print(f"sideways, that is {25 * STEP_STD[0]:.2f} m/s")
 #
 # Two more things are in `LaneTracker`. A car that drifts to the left goes on drifting: from each surprise (fit minus
 # prediction) the tracker learns how fast centre, heading and bend are changing, and predicts that they go on, so small steps
-# need not lag behind an even movement. And what is *shown* lies half way between where the lane was going and the new fit:
-# an **alpha-beta filter**, exponential smoothing that knows a speed. It costs next to no lag, because it moves along.
+# need not lag behind an even movement. And what is *shown* lies between where the lane was going and the new fit: an
+# **alpha-beta filter**, exponential smoothing that knows a speed. It goes a smaller part of the way for the centre, where any
+# trembling is seen, than for the bend, and a larger one when the car swerves. It costs next to no lag, because it moves along.
 #
 # And one thing is *not* smoothed but remembered: the road. A frame tells one curvature for all that it sees, which is that of
 # the middle of its view (notebook 04); a second later the car is there. `lanelib.roadmemory` keeps every look with its place and
@@ -508,8 +509,8 @@ notebook.say(f"Largest error of a measured lane {max(measured):.1f} cm, of a hel
 
 # %% [markdown]
 # Both lists begin at the gaps, as they should. The doubts never leave them, for nothing is less certain than no lane at all;
-# the errors do, once the held lanes are counted. (The largest of a measured lane is that of the first frame after the gap,
-# which still believes a little in the held one; two frames later it is gone.) The confidence knows how much paint was seen
+# the errors do, once the held lanes are counted. (The first frame after the gap is right
+# again: it is not calmed against a lane that no one saw.) The confidence knows how much paint was seen
 # and how well it agrees; it cannot know the truth. The scrubber jumps from one hard moment to the next, at any stage of the
 # pipeline; on a clip of your own (notebook 08) begin there.
 
