@@ -11,7 +11,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from lanelib.jointfit import CENTRE, HEADING, NEIGHBOURS, PITCH, UNKNOWN_ROAD, WIDTH, Points, Prior
+from lanelib.jointfit import BEND, CENTRE, HEADING, NEIGHBOURS, PITCH, UNKNOWN_ROAD, WIDTH, Points, Prior
 
 # Radii to try, m: each bends a line away from the next by two or three paint widths where such a curve leaves the view.
 RADII_M = np.array([2000, 900, 550, 380, 280, 210, 160, 125, 98, 77, 61, 48, 38, 30, 24, 18])
@@ -63,39 +63,51 @@ def votes(points: Points) -> np.ndarray:
     return table.reshape(len(BENDS), len(BEARINGS), n + 2)[..., 1:-1].astype(np.float32)
 
 
-def peaks(table: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Bend, bearing and x, (K,) each, of the highest local maxima of the accumulator."""
+def peaks(table: np.ndarray, objected: np.ndarray | float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Bend, bearing and x, (K,) each, of the highest local maxima of the accumulator, each bin less what is
+    ``objected`` to it: or the lines of other lanes, where they are solid, would take all the places."""
     n_bearings, n_x = table.shape[1:]
     flat = cv2.sepFilter2D(
         table.reshape(-1, n_x), -1, np.array([0.6, 1, 0.6]), np.ones(1), borderType=cv2.BORDER_CONSTANT
     )
     flat[:, np.abs(X_BINS_M) < NEAREST_X_M] = 0
-    at = np.flatnonzero((flat > LEAST_VOTES) & (flat >= cv2.dilate(flat, np.ones((3, 3)))))
+    clear = flat > LEAST_VOTES
+    bins = flat.reshape(table.shape)
+    np.subtract(bins, objected, out=bins, casting="same_kind")
+    at = np.flatnonzero(clear & (flat >= cv2.dilate(flat, np.ones((3, 3)))))
     at = at[np.argsort(-flat.ravel()[at], kind="stable")[:MOST_PEAKS]]
     return BENDS[at // (n_bearings * n_x)], BEARINGS[at // n_x % n_bearings], X_BINS_M[at % n_x]
+
+
+def objection(prior: Prior, height_m: float, bend, bearing, x) -> np.ndarray:
+    """What ``prior`` objects to these lines as boundaries of a lane of the usual width: half the squared Mahalanobis
+    distance. A camera ``height_m`` above the road that pitches turns the bearing of a line beside it."""
+    centre = x - np.copysign(prior.mean[WIDTH] / 2, x) - prior.mean[CENTRE]
+    turn = prior.covariance[HEADING, HEADING] + np.square(x / height_m) * prior.covariance[PITCH, PITCH]
+    across = np.square(centre) / prior.covariance[CENTRE, CENTRE] + np.square(bearing) / turn
+    return 0.5 * across + 0.5 * np.square(bend) / prior.covariance[BEND, BEND]
 
 
 def single_lines(points: Points, *, prior: Prior = UNKNOWN_ROAD, count: int = PER_SIDE) -> np.ndarray:
     """Lines that could bound our lane, (M, 4), each (d, a, b, c): U = d / q^2 + a / q + b + c q; at most ``count`` of
     each side of the car.
 
-    One after the other: the line with most votes, less what ``prior`` objects to a lane of the usual width beside it.
-    The points of a chosen line count half from then on, or all would be variants of the strongest.
+    One after the other: the line with most votes, less the ``objection`` of the prior. The points of a chosen line
+    count half from then on, or all would be variants of the strongest.
     """
     seen = points.some(voters(points))
-    bend, bearing, x = peaks(votes(seen))
+    every = BENDS[:, None, None], BEARINGS[:, None], X_BINS_M
+    bend, bearing, x = peaks(votes(seen), objection(prior, points.height_m, *every))
     if len(x) == 0:
         return np.empty((0, 4))
     y = 1 / seen.inverse
     on = np.abs(seen.bearing * y - x[:, None] - y * (bearing[:, None] + y * bend[:, None])) < ON_LINE_M
     on = on.astype(np.float32)
-    centre = x - np.copysign(prior.mean[WIDTH] / 2, x) - prior.mean[CENTRE]
-    turn = prior.covariance[HEADING, HEADING] + np.square(x / points.height_m) * prior.covariance[PITCH, PITCH]
-    objection = 0.5 * (np.square(centre) / prior.covariance[CENTRE, CENTRE] + np.square(bearing) / turn)
+    objected = objection(prior, points.height_m, bend, bearing, x)
     place = np.column_stack([x + 8 * (bearing + 8 * bend), x + 20 * (bearing + 20 * bend)]) / SAME_LINE_M
     found, weight = [], seen.weight.astype(np.float32)
     for side in (x < 0, x > 0):
-        worth = np.where(side, on @ weight - objection, 0)
+        worth = np.where(side, on @ weight - objected, 0)
         for _ in range(count):
             best = int(worth.argmax())
             if worth[best] <= 0:

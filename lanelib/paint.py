@@ -55,12 +55,13 @@ def paint_channels(bgr: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return cv2.addWeighted(warm, 2 / 3, blue, 1 / 3, 0), cv2.subtract(warm, blue)
 
 
-def ridge_response(channel: np.ndarray, *, column_m: float = 0.05) -> np.ndarray:
+def ridge_response(channel: np.ndarray, *, column_m: float = 0.05, rows: int | None = None) -> np.ndarray:
     """Normalised ridge response z >= 0, (H, W) float32, of one channel (H, W) uint8 of a bird's-eye picture.
 
     ``column_m``: metres per column. Two stripes are tried, a single line and one about three times as wide (two lines
     and their gap, seen as one from afar); the better one counts. Columns too close to the picture's border read 0.
-    Sums of integers throughout: exact, and several times faster than floating point.
+    ``rows``: of each picture, where several stand below each other. Sums of integers throughout: exact, and several
+    times faster than floating point.
     """
     width = max(3, round(PAINT_WIDTH_M / column_m) | 1)  # odd: an even box shifts the line by half a pixel
     near, far = width + 1, 2 * width + 1  # columns from the middle of the line to the middle of the road beside it
@@ -80,7 +81,9 @@ def ridge_response(channel: np.ndarray, *, column_m: float = 0.05) -> np.ndarray
     wide = cv2.addWeighted(wide, 1 / 3, cv2.max(at(-far), at(far)), -1, 0)
     texture = cv2.absdiff(cv2.add(middle, middle), cv2.add(left, right))  # twice |middle - mean of both sides|
     size = (round(TEXTURE_SIZE_M / column_m) | 1, TEXTURE_ROWS)
-    texture = cv2.boxFilter(texture, cv2.CV_32F, size, normalize=False)
+    every = range(0, len(texture), rows or len(texture))
+    texture = [cv2.boxFilter(texture[i : i + every.step], cv2.CV_32F, size, normalize=False) for i in every]
+    texture = np.concatenate(texture) if len(texture) > 1 else texture[0]
     scale = 1 / (2 * size[0] * size[1])
     texture = cv2.addWeighted(texture, scale, texture, 0, FLOOR_GREY_LEVELS * width)
     cv2.divide(cv2.max(cv2.max(ridge, wide), 0.0), texture, z[:, far : far + inside], 1.0, cv2.CV_32F)
@@ -109,7 +112,9 @@ def paint_evidence(view_bgr: np.ndarray, *, column_m: float = 0.05) -> tuple[np.
 
 def evidence_of(brightness: np.ndarray, yellow: np.ndarray, *, column_m: float = 0.05) -> tuple[np.ndarray, np.ndarray]:
     """``paint_evidence`` of the two channels, each (H, W) uint8."""
-    z = cv2.max(ridge_response(brightness, column_m=column_m), ridge_response(yellow, column_m=column_m))
+    rows = len(brightness)
+    z = ridge_response(np.concatenate([brightness, yellow]), column_m=column_m, rows=rows)
+    z = cv2.max(z[:rows], z[rows:])
     return cv2.blur(z, (3, 3)), cv2.add(brightness, yellow)
 
 

@@ -27,6 +27,9 @@ from lanelib.pictures import read_text, write_bytes
 
 RIG_FORMAT = "lanelib-rig/1"
 SCAN_COLUMN_M, SCAN_REACH_M, SCAN_ROWS = 0.05, 7.5, 112  # chosen by accuracy against truth: see notebook 07
+# What lies between two rows of the scan counts where they are further apart than a Botts' dot is long (4 inches), and
+# where it is brighter by more than noise and the difference of the nearest from the interpolated pixel
+DOT_M, SHINING_LEVELS = 0.10, 12
 FAR_ROW_M = 10.0  # the farthest scan row is where one pixel of a 1280-wide frame covers 10 m of road
 # Lines are reported to 2.5 times the distance of the last paint, three fifths of the way that is left to the horizon in
 # the picture, and no farther than 250 m: beyond, a pixel row of a 1280-wide frame covers 40 m of road.
@@ -158,23 +161,57 @@ class View:
 
     def paint_channels(self, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Brightness and yellowness, each (H, W) uint8, of the small bird's-eye view of a frame as given: BGR, or
-        YUV420p where 2-D."""
-        return self._paint_channels_yuv420(frame) if frame.ndim == 2 else paint_channels(self.scan(frame))
+        YUV420p where 2-D. What shines between two rows of the view is added to the brightness of one of them."""
+        if frame.ndim == 2:
+            luma, yellow = self._luma_and_yellow(frame)
+            return self._with_shining(brightness_of_luma(luma), luma, frame, self._between), yellow
+        scan = self.scan(frame)
+        brightness, yellow = paint_channels(scan)
+        return self._with_shining(brightness, cv2.extractChannel(scan, 1), frame, self._between_green), yellow
 
-    def _paint_channels_yuv420(self, frame_yuv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _luma_and_yellow(self, frame_yuv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The planes' part below the horizon makes one plane of yellow, and that is warped: one look-up less."""
         width, height = self.rig.size_wh
         luma = cv2.remap(frame_yuv[:height], *self._table, cv2.INTER_LINEAR)
         first, half_table = self._half_table
         u, v = frame_yuv[height:].reshape(2, height // 2, width // 2)[:, first:]
-        return brightness_of_luma(luma), cv2.remap(yellow_of_uv(u, v), *half_table, cv2.INTER_LINEAR)
+        return luma, cv2.remap(yellow_of_uv(u, v), *half_table, cv2.INTER_LINEAR)
+
+    def _with_shining(self, brightness: np.ndarray, scan: np.ndarray, frame: np.ndarray, between) -> np.ndarray:
+        """``brightness`` (H, W), more by what the ``frame`` is brighter half way to the next row than in the ``scan``
+        (H, W): a Botts' dot may be seen there and nowhere else."""
+        at, noise = between
+        if len(noise):
+            shining = cv2.subtract(cv2.subtract(frame.reshape(-1).take(at), noise), scan[: len(noise)])
+            cv2.add(brightness[: len(noise)], shining, dst=brightness[: len(noise)])
+        return brightness
+
+    @cached_property
+    def _between(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of the R rows that are further apart than ``DOT_M``: where in a plane of the frame, as one long row, lie the
+        points half way to the next one, (R, W); and by how many grey levels they may be brighter, (R, W) uint8: by all
+        where the frame does not show them."""
+        width, height = self.rig.size_wh
+        apart_m = -np.gradient(self.grid.y_m)
+        rows = np.count_nonzero(apart_m > DOT_M)  # the farthest ones
+        half_way = Grid(self.grid.x_m, self.grid.y_m - apart_m / 2)
+        x, y = np.moveaxis(self.rig.birdseye.table(self.rig.camera, half_way)[0][:rows].astype(np.intp), -1, 0)
+        seen = (self._table[0][:rows, :, 0] >= 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
+        return np.where(seen, y * width + x, 0), np.where(seen, SHINING_LEVELS, 255).astype(np.uint8)
+
+    @cached_property
+    def _between_green(self) -> tuple[np.ndarray, np.ndarray]:
+        """The same in the green of BGR frames."""
+        at, noise = self._between
+        return 3 * at + 1, noise
 
     @cached_property
     def first_row(self) -> int:
         """The first row of a YUV420p frame that is looked at (even): what lies above need not be read."""
-        first, height = 2 * self._half_table[0], self.rig.size_wh[1]
+        (width, height), (at, noise) = self.rig.size_wh, self._between
         rows = self._table[0][..., 1]
-        return min(int(rows[rows >= 0].min(initial=height - 2)) // 2 * 2, first)
+        first = min(rows[rows >= 0].min(initial=height - 2), at[noise < 255].min(initial=height * width) // width)
+        return min(int(first) // 2 * 2, 2 * self._half_table[0])
 
     @cached_property
     def _half_table(self):
@@ -214,6 +251,10 @@ class View:
         made = vars(view)  # what was made on demand so far; the rest will be, of these columns
         if "_half_table" in made:
             view._half_table = self._half_table[0], part(self._half_table[1])
+        for name in ("_between", "_between_green"):
+            if name in made:
+                at, noise = made[name]
+                made[name] = np.ascontiguousarray(at[..., columns]), np.ascontiguousarray(noise[:, columns])
         made.pop("_undistorted_table", None)
         return view
 

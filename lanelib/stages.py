@@ -14,7 +14,7 @@ import numpy as np
 from lanelib import draw, windows
 from lanelib.channels import as_bgr
 from lanelib.errors import LanelibError
-from lanelib.paint import STRONG_Z, paint_evidence, paint_points
+from lanelib.paint import STRONG_Z, evidence_of, paint_points
 
 NAMES = ("frame", "undistorted", "mask", "evidence", "birdseye", "birdseye_mask", "windows", "fit", "lane")
 EVIDENCE_WH = (640, 360)  # the scan, 301 x 112 with rows spaced by perspective, enlarged to a frame's proportions
@@ -32,7 +32,7 @@ def stages(frame_bgr: np.ndarray, finder, result=None) -> dict[str, np.ndarray]:
     rig = view.rig
     if result is None:
         result = without_memory(finder).process(frame)
-    z, _ = paint_evidence(view.scan(frame), column_m=view.grid.column_m)
+    z, _ = evidence_of(*view.paint_channels(frame), column_m=view.grid.column_m)
     undistorted = rig.camera.undistort(frame)
     mask = finder.mask(frame, view)
     grid = view.metric.grid

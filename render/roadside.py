@@ -3,7 +3,7 @@
 import numpy as np
 
 from .noise import tile
-from .tracer import bitmap, box, by_material, glossy, mesh, rgb
+from .tracer import bitmap, box, by_material, glossy, grid_faces, mesh, rgb
 
 
 def furniture(world):
@@ -22,6 +22,7 @@ def furniture(world):
             steel.append((p + base, f, glossy((0.30, 0.31, 0.31), 0.5, 0.5, 0.4)))
     for k, part in enumerate(by_material(concrete + steel)):
         world.parts[f"pole{k}"] = part
+    _domes(world)
 
 
 def _jersey(world, k, b):
@@ -99,6 +100,34 @@ def _posts(world, name, d, every, half, z, color):
         points.append(p + world.at(s, d))
         faces.append(f + 8 * i)
     world.parts[name] = mesh(name, np.vstack(points), np.vstack(faces), glossy(color, 0.6))
+
+
+DOME_M, DOME_HIGH_M = 0.05, 0.019  # radius and height of a Botts' dot: 4 inches across, 3/4 inch high
+
+
+def _domes(world):
+    """Botts' dots: markings with ``dome`` stand up from the road, which is what makes them seen from afar; the older
+    the paint, the more are dirty or gone."""
+    surface = world.scene["surface"]
+    lines = [m for m in surface["markings"] if m.get("dome")]
+    if not lines:
+        return
+    rng, wear = np.random.default_rng(world.scene.get("seed", 1)), surface.get("wear", 0.3)
+    rise, turn = np.meshgrid(np.linspace(0, 1, 5), np.linspace(0, 2 * np.pi, 13))
+    out, up = DOME_M * np.cos(rise * np.pi / 2), DOME_HIGH_M * np.sin(rise * np.pi / 2)
+    cap = np.stack([out * np.cos(turn), out * np.sin(turn), up], -1).reshape(-1, 3)
+    points, faces, colors = [], [], []
+    for m in lines:
+        period, first = m["dash"] + m["gap"], m.get("phase", 0.0) + m["dash"] / 2
+        for s in first + period * np.arange(np.ceil((world.s0 - first) / period), (world.s1 - first) / period):
+            gone, dirt = rng.random() < 0.5 * wear**2, rng.uniform(0, 0.7) * wear
+            if not gone:
+                faces.append(grid_faces(*rise.shape) + len(cap) * len(points))
+                points.append(cap + world.at(s, m["d"]))
+                colors.append(np.full((len(cap), 3), 0.72 * (1 - dirt)) * (1, 0.99, 0.95))
+    ceramic = glossy((1, 1, 1), 0.3)
+    ceramic["b"]["base_color"] = {"type": "mesh_attribute", "name": "vertex_color"}
+    world.parts["domes"] = mesh("domes", np.vstack(points), np.vstack(faces), ceramic, colors=np.vstack(colors))
 
 
 def _sign(world, k, sign):

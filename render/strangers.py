@@ -57,8 +57,8 @@ def markings_of(rng, left_m: float, lanes: int, own: int, width_m: float, style:
         if "dots" in style:  # Botts' dots: four, 1.22 m apart, every 14.63 m
             first = phase + (5.5 if "dash" in style else 0.0)
             for i in range(4):
-                dot = {"d": d, "width": 0.10, "dash": 0.10, "gap": 14.53, "phase": first + 1.22 * i}
-                lines.append(dot | (ours if "dash" not in style and i == 0 else {}))
+                glue = {"d": d, "width": 0.10, "dash": 0.10, "gap": 14.53, "phase": first + 1.22 * i, "rgb": [0.03] * 3}
+                lines.append(glue | {"dome": True} | (ours if "dash" not in style and i == 0 else {}))
     return lines
 
 

@@ -90,7 +90,8 @@ NO_ROADS = {
     "noise": NOISE,
     "faint noise": np.uint8(110 + NOISE // 16),
     "checkerboard": np.uint8(np.indices((360, 640)).sum(0) // 8 % 2 * 255)[..., None].repeat(3, 2),
-    "rows": np.random.default_rng(2).integers(0, 256, (360, 1, 3), dtype=np.uint8).repeat(640, 1),
+    "stripes": np.random.default_rng(2).integers(0, 256, (90, 1, 3), dtype=np.uint8).repeat(4, 0).repeat(640, 1),
+    "grey rows": np.random.default_rng(2).integers(0, 256, (360, 1, 1), dtype=np.uint8).repeat(640, 1).repeat(3, 2),
     "asphalt": paint_frame(LANE, size_wh=SMALL, colours=((98, 100, 99),) * 2, noise=4),
 }
 

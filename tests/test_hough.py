@@ -145,6 +145,15 @@ def test_the_prior_speaks_at_the_choice():
         assert single_lines(p, prior=Prior(mean, spread), count=1)[0, 3] == pytest.approx(expected, abs=0.3)
 
 
+def test_solid_lines_of_other_lanes_leave_places_to_faint_dots_of_ours():
+    """Four solid lines further out have hundreds of votes, in all bends; ours have five half points each."""
+    solid = [points_on_lane(Lane7(width=w)) for w in (10.8, 12.4)]
+    dots = points_on_lane(Lane7(width=3.6), y_m=np.linspace(9.5, 13, 5))
+    lines = single_lines(joined(points(dots.bearing, dots.inverse, dots.row, 0.5 * dots.weight), *solid))
+    for side in (-1, 1):
+        assert ((np.abs(lines[:, 3] - side * 1.8) < 0.15) & (np.abs(lines[:, 2]) < 0.03)).any(), lines
+
+
 def test_lines_refined_together_are_those_refined_alone():
     p = joined(points_on_lane(Lane7(0.2, 0.03, 1 / 500)), clutter(60, 3))
     starts = np.array([[0, 1e-3, 0.02, -1.5], [0, 0, 0.05, 2.2], [0, -2e-3, 0.0, 1.9]])

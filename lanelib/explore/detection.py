@@ -14,7 +14,7 @@ from lanelib.explore.kit import Explorer, choice, counter, slider
 from lanelib.explore.look import WIDTH_PX, Look, Reading
 from lanelib.finder import LaneFinder
 from lanelib.lane import Lane, check_lane
-from lanelib.paint import paint_evidence, paint_points
+from lanelib.paint import evidence_of, paint_points
 from lanelib.result import LaneResult
 from lanelib.rig import Rig, View
 
@@ -89,7 +89,7 @@ def detect_look(
     if model == "joint":
         finder = LaneFinder(view.rig, recipe=recipe, model="joint", track=False)
         result = finder.process(frame.bgr)
-        found = paint_points(paint_evidence(view.scan(frame.bgr), column_m=view.grid.column_m)[0])
+        found = paint_points(evidence_of(*view.paint_channels(frame.bgr), column_m=view.grid.column_m)[0])
         on_road = (
             view.points(found)
             if finder.order == "finder"
