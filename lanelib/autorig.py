@@ -34,7 +34,7 @@ LANE_WIDTH_M = 3.7  # 12 ft, US motorways (AASHTO Green Book)
 HFOV_DEG = 60.0
 STRAIGHT_1PM = 1 / 1500  # the lane leaves a straight line by 0.3 m in 30 m
 CURVED_1PM = 1 / 150  # beyond, heading at the car and the bend trade places in the fit
-BOTH_LINES_ROWS = 5.0  # rows of paint on the weaker line, of 112: a dash near the car has 12, a speck 3
+BOTH_LINES_ROWS = 4.0  # rows of paint on the weaker line, of 112: a dash near the car has 12, four dots 5, a speck 3
 # of a rig for one frame (see ``tried``): faint dots on concrete have 0.3, pictures upside down seldom more. For n
 # frames less by n^(1/4): frames without a road do not agree on a rig (they reach 0.2), and some may be empty
 MINIMUM_VALUE = 0.32
@@ -126,13 +126,14 @@ def tried(rig: Rig, frames: list[np.ndarray]) -> tuple[float, Rig]:
     if not results:
         return 0.0, rig
     rig = corrected(rig, both_lines(results) or results)
-    value, finder = 0.0, LaneFinder(rig, track=False)
+    value, finder = 0.0, LaneFinder(rig, track=False, neighbours=2)
     for frame in frames:
         result = finder.process(frame)
         if result:  # an easy frame has 100 rows of paint; the root, so that no frame decides alone
             rows = result.fit.support.sum(axis=1)
+            beside = sum(neighbour.line.support for neighbour in result.neighbours)
             value += (
-                math.sqrt(rows.sum() / 100)
+                math.sqrt((rows.sum() + beside) / 100)
                 * result.confidence
                 * min(1, rows.min() / BOTH_LINES_ROWS)
                 * empty_inside(finder, frame, result)

@@ -32,6 +32,7 @@ USUAL_HEIGHT_M, HEIGHT_SPREAD = (
     0.35,
 )  # cars 1.1-1.7 m, lorries to 2.8 m: log-normal, so that half the lane or two lanes lose
 HEIGHTS_M = (0.8, 3.2)
+MEETING_POINTS, USUAL_HEIGHTS_M = 3, (1.15, 1.45, 1.8)  # a quarter apart: what a fit's own width makes up for
 
 
 def picture_points(undistorted_bgr: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -104,31 +105,35 @@ def height_prior(height_m: float) -> float:
     return math.exp(-0.5 * (math.log(height_m / USUAL_HEIGHT_M) / HEIGHT_SPREAD) ** 2)
 
 
+def meeting_points(score: np.ndarray, count: int) -> list[tuple[int, int]]:
+    """(row, column) of the ``count`` highest of all local maxima of a table, highest first."""
+    peak = (score >= cv2.dilate(score, np.ones((5, 5)))) & (score > 0)
+    return sorted(map(tuple, np.argwhere(peak)), key=lambda ij: -score[ij])[:count]
+
+
 def candidates(pictures: list[np.ndarray], *, count: int = 8) -> list[tuple[tuple[float, float], float]]:
     """The most promising (vanishing point in px, height in m for a lane of the usual width), best first, of
-    undistorted pictures."""
+    undistorted pictures: ``count`` where a pair of lines meets, with the height that the pair shows, and those where
+    most lines of the road meet, with usual heights (dots are a weak pair between the strong lines of other lanes)."""
     h, w = pictures[0].shape[:2]
     columns, rows = vote_grid((w, h))
-    total = np.zeros((len(rows), len(columns)), np.float32)
+    pairs, lines = np.zeros((2, len(rows), len(columns)), np.float32)
     differences = []
     for picture in pictures:
         points, weights = picture_points(picture)
-        scored = [best_pairs(slope_peaks(points, weights, columns, row, h)) for row in rows]
-        one = np.array([s for s, _ in scored], np.float32)
-        total += cv2.GaussianBlur(one, (5, 5), 1.0)  # the car nods and weaves: neighbours agree
-        differences.append((one, np.array([d for _, d in scored])))
-    peak = (total >= cv2.dilate(total, np.ones((5, 5)))) & (total > 0)
+        peaks = [slope_peaks(points, weights, columns, row, h) for row in rows]
+        one, difference = (np.array(of_all) for of_all in zip(*map(best_pairs, peaks), strict=True))
+        differences.append((one, difference))
+        pairs += cv2.GaussianBlur(one.astype(np.float32), (5, 5), 1.0)  # the car nods and weaves: neighbours agree
+        lines += cv2.GaussianBlur(np.sqrt(peaks).sum(axis=2), (5, 5), 1.0)
     found = []
-    for i, j in sorted(map(tuple, np.argwhere(peak)), key=lambda ij: -total[ij])[:count]:
+    for i, j in meeting_points(pairs, count):
         near = slice(max(i - 1, 0), i + 2), slice(max(j - 1, 0), j + 2)
         score = np.concatenate([s[near].ravel() for s, _ in differences])
         difference = np.concatenate([d[near].ravel() for _, d in differences])
         order = np.argsort(difference[score > 0])
         middle = np.searchsorted(np.cumsum(score[score > 0][order]), score.sum() / 2)
-        found.append(
-            (
-                (float(columns[j]), float(rows[i])),
-                float(UNKNOWN_ROAD.mean[WIDTH] / difference[score > 0][order][middle]),
-            )
-        )
-    return found
+        height_m = UNKNOWN_ROAD.mean[WIDTH] / difference[score > 0][order][middle]
+        found.append(((float(columns[j]), float(rows[i])), float(height_m)))
+    meeting = meeting_points(lines, MEETING_POINTS)
+    return found + [((float(columns[j]), float(rows[i])), h) for i, j in meeting for h in USUAL_HEIGHTS_M]

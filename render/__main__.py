@@ -18,6 +18,7 @@ def main():
     parser.add_argument("--frames", type=int, help="video: stop after so many frames")
     parser.add_argument("--every", type=int, default=1, help="video: only every n-th frame (previews)")
     parser.add_argument("--cameras", type=int, default=12, help="strangers: how many, five pictures each")
+    parser.add_argument("--first", type=int, default=12, help="strangers: the first one; those before 12 are known")
     a = parser.parse_args()
     if a.shrink > 1 and a.to is None:
         parser.error("a preview (--shrink) needs a folder of its own: --to FOLDER")
@@ -46,7 +47,7 @@ def main():
     if a.what == "strangers":
         from .strangers import render_strangers
 
-        render_strangers(a.cameras, spp=a.spp or 6, **({"folder": a.to} if a.to else {}))
+        render_strangers(a.cameras, first=a.first, spp=a.spp or 6, **({"folder": a.to} if a.to else {}))
     if a.what == "check":
         from .check import check
 

@@ -19,6 +19,7 @@ from .world import World, mounting_of
 
 FOLDER = ROOT / "build" / "strangers"  # not in git
 PICTURES = 5  # of each camera
+UNSEEN = 12  # the pictures of the cameras before this one were looked at while the finder was made
 SIZE_WH = (1280, 720)
 
 
@@ -119,10 +120,10 @@ def road_of(number: int, mounting: dict, develops: dict) -> dict:
     })  # fmt: skip
 
 
-def render_strangers(cameras: int, *, spp=6, folder=FOLDER):
-    """Five pictures of each camera into a folder of its own, with truth.json and the true rig.json; what is there
-    stays."""
-    for c in range(cameras):
+def render_strangers(cameras: int, *, first=UNSEEN, spp=6, folder=FOLDER):
+    """Five pictures of each of so many cameras into a folder of its own, with truth.json and the true rig.json; what
+    is there stays."""
+    for c in range(first, first + cameras):
         lens, mounting, develops = camera_of(np.random.default_rng(50_000 + c))
         here = folder / f"{c:02d}"
         if (here / "truth.json").exists():

@@ -194,3 +194,14 @@ def points_on_grid(lane: Lane7, grid, *, height_m, focal_px, gaps=None, rng=None
         bearing = bearing + rng.normal(0, px, len(bearing)) / focal_px
         seen &= rng.random(len(bearing)) >= drop
     return points(*(v[seen] for v in (bearing, lines.inverse, lines.row, lines.weight)), focal_px, height_m, len(y))
+
+
+def with_dots(frame, places_m):
+    """The frame and dirty Botts' dots at (x, y) on the road: 4 inches across, 3/4 inch high."""
+    turn = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    rings = [(r, z) for r, z in ((0.051, 0.0), (0.036, 0.013), (0.0, 0.019))]
+    dome = np.vstack([np.column_stack([r * np.cos(turn), r * np.sin(turn), np.full(12, z)]) for r, z in rings])
+    for x, y in places_m:
+        outline = cv2.convexHull(np.rint(project(dome + (x, y, 0)) * 64).astype(np.int32))
+        cv2.fillConvexPoly(frame, outline, (150, 150, 150), cv2.LINE_AA, 6)
+    return frame

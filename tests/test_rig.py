@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from roads import ASPHALT, MOUNTING, SIZE_WH, Lane7, paint_frame, points_on_grid, project, rig
+from roads import ASPHALT, MOUNTING, SIZE_WH, Lane7, paint_frame, points_on_grid, project, rig, with_dots
 
 from lanelib.errors import LanelibError
 from lanelib.jointfit import TRACK_GATES, fit, outward
@@ -204,17 +204,6 @@ def test_yuv_planes_show_the_same_paint_as_bgr():
     for a, b in zip(bgr, yuv, strict=True):
         assert np.abs(a.astype(int) - b)[white == 255].mean() < 1.5
         assert b[white == 0].max() <= 2 and (white == 0).sum() > 1000
-
-
-def with_dots(frame, places_m):
-    """The frame and dirty Botts' dots at (x, y) on the road: 4 inches across, 3/4 inch high."""
-    turn = np.linspace(0, 2 * np.pi, 12, endpoint=False)
-    rings = [(r, z) for r, z in ((0.051, 0.0), (0.036, 0.013), (0.0, 0.019))]
-    dome = np.vstack([np.column_stack([r * np.cos(turn), r * np.sin(turn), np.full(12, z)]) for r, z in rings])
-    for x, y in places_m:
-        outline = cv2.convexHull(np.rint(project(dome + (x, y, 0)) * 64).astype(np.int32))
-        cv2.fillConvexPoly(frame, outline, (150, 150, 150), cv2.LINE_AA, 6)
-    return frame
 
 
 @pytest.mark.parametrize("planes", [False, True])

@@ -4,14 +4,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from roads import rig_of_scene
+from roads import ASPHALT, WHITE, Lane7, paint_frame, project, rig_of_scene
 
 from lanelib.jointfit import UNKNOWN_ROAD, WIDTH
 from lanelib.road import CarPose, Marking, Mounting
 from lanelib.simulator import Scene, render_road
 from lanelib.vanishing import (
+    MEETING_POINTS,
     SLOPE_BIN,
     SLOPE_REACH,
+    USUAL_HEIGHTS_M,
     best_pairs,
     candidates,
     height_prior,
@@ -72,6 +74,18 @@ def test_picture_points_lie_on_the_paint():
     near = (road[:, 1] > 6) & (road[:, 1] < 20) & (np.abs(road[:, 0]) < 3)
     away = np.abs(np.subtract.outer(road[near, 0], (-1.9, 1.7))).min(axis=1)
     assert weights[near] @ (away < 0.1) / weights[near].sum() > 0.9
+
+
+def test_where_most_lines_meet_is_a_candidate_too():
+    """Lines of other lanes: none is a pair with the car between them, and together they show where the road leads."""
+    others = [(lambda y, x=x: x + 0 * y, 0.15, WHITE) for x in (-5.5, 5.5, 9.2, 12.9)]
+    found = candidates([paint_frame(Lane7(), colours=(ASPHALT, ASPHALT), extra=others)])
+    truth = project([[0, 1e6, 0]])[0]
+    off = {True: [], False: []}
+    for vanishing, height_m in found:
+        off[height_m in USUAL_HEIGHTS_M].append(np.abs(np.array(vanishing) - truth).max())
+    assert len(off[True]) == MEETING_POINTS * len(USUAL_HEIGHTS_M)
+    assert min(off[True]) < 1042 * np.deg2rad(0.7) < min(off[False])
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,8 @@ ABOUT = """# Strangers
 Written by `python tools/strangers.py`. The pictures are rendered by `python -m render strangers` (see render/README.md)
 and not shipped: motorways drawn by lot, three to five lanes with the car in any of them, dashes, Botts' dots or both,
 fresh to nearly gone, asphalt or concrete, sun or overcast and wet, traffic; each seen by a camera with a focal length,
-a lens, a height and angles of its own. No setting was ever chosen on these very pictures. Failures are left in.
+a lens, a height and angles of its own. Cameras 00 to 11 were looked at while the finder was made; no setting was ever
+chosen on the pictures below. Failures are left in.
 
 Each picture on its own, both lines from the lower edge to {far:.0f} m ahead. *TuSimple*: the share of rows within 20 px
 across the line; *strict*: within 5 px; a picture without a lane has 0 in all rows.
@@ -102,7 +103,7 @@ def main(argv: list[str] | None = None) -> int:
     rows = [row_of(kind, frames) for kind, frames in scores.items()]
     for tag in sorted({tag for frame in scores["true rig"] for tag in frame.tags}):
         rows.append(row_of(f"true rig, {tag}", [frame for frame in scores["true rig"] if tag in frame.tags]))
-    about = f"{len(folders)} cameras; a rig was found for {rigs}."
+    about = f"{len(folders)} cameras, {folders[0].name} to {folders[-1].name}; a rig was found for {rigs}."
     text = "\n".join([ABOUT.format(far=FAR_M), about, "", table([head, *rows]), ""])
     print(text)
     print(f"wrote {write_bytes(args.output, text.encode())}")
