@@ -106,6 +106,8 @@ def stage_costs(rig: Rig, stills: list[np.ndarray], rounds: int) -> tuple[dict[s
         for name, recipe in threshold.RECIPES.items()
     }
     textbook |= {
+        "paint response (in place of the mask, for the joint fit)": lambda r: threshold.paint_response(
+            r["undistorted"], horizon_row=rig.birdseye.horizon_row_px, camera_height_m=view.height_m),
         "warp": lambda r: view.metric.warp(r["mask"]),
         "sliding windows": lambda r: windows.find_pixels(r["above"], view.metric.grid),
         "two fits": lambda r: windows.fit_lines(r["pixels"], view.metric.grid),

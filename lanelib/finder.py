@@ -4,7 +4,9 @@
     textbook order    raw frame -> undistort -> threshold -> warp -> sliding windows or search around -> two fits
     -> lane
 
-The first is the default. The second is what notebooks 01-04 walk through; the classic recipes run in it.
+The first is the default. The second is what notebooks 01-04 walk through; the classic recipes run in it. With the
+project's own recipe and the joint fit it weighs its points with the response of ``threshold.paint_response`` instead
+of the mask: the same measure of paint as in the first order, taken in the frame.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ from lanelib.hypotheses import hypotheses
 from lanelib.jointfit import JointFit, Points, confidence_of
 from lanelib.lane import Check, Lane, check_lane, check_size
 from lanelib.neighbours import MOST_LANES, find_neighbours
-from lanelib.paint import evidence_of, paint_points
+from lanelib.paint import evidence_of, paint_channels, paint_points
 from lanelib.result import LaneResult, line_at_rows
 from lanelib.rig import SCAN_COLUMN_M, Rig, View
 from lanelib.tracking import FPS, LaneTracker
@@ -148,8 +150,13 @@ class LaneFinder:
         if self.order == "finder":
             z, picture = evidence_of(*view.paint_channels(frame), column_m=SCAN_COLUMN_M)
             return view.points(paint_points(z)), picture
-        mask = view.scan_undistorted(self.mask(frame, view))
-        return view.points_of_mask(mask), mask
+        if self.recipe.name != threshold.DEFAULT_RECIPE:
+            mask = view.scan_undistorted(self.mask(frame, view))
+            return view.points_of_mask(mask), mask
+        undistorted, horizon = view.rig.camera.undistort(as_bgr(frame)), view.rig.birdseye.horizon_row_px
+        response = threshold.paint_response(undistorted, horizon_row=horizon, camera_height_m=view.height_m)
+        z = cv2.blur(view.scan_undistorted(response), (3, 3))
+        return view.points(paint_points(z)), cv2.add(*paint_channels(view.scan_undistorted(undistorted)))
 
     def mask(self, frame: np.ndarray, view: View) -> np.ndarray:
         """The recipe's mask (H, W) uint8 0/255 of the undistorted frame; the project's own recipe is told the rig's

@@ -14,7 +14,7 @@ import numpy as np
 from lanelib import draw, windows
 from lanelib.channels import as_bgr
 from lanelib.errors import LanelibError
-from lanelib.paint import STRONG_Z, evidence_of, paint_points
+from lanelib.paint import STRONG_Z, evidence_of
 
 NAMES = ("frame", "undistorted", "mask", "evidence", "birdseye", "birdseye_mask", "windows", "fit", "lane")
 EVIDENCE_WH = (640, 360)  # the scan, 301 x 112 with rows spaced by perspective, enlarged to a frame's proportions
@@ -38,8 +38,7 @@ def stages(frame_bgr: np.ndarray, finder, result=None) -> dict[str, np.ndarray]:
     grid = view.metric.grid
     birdseye = view.metric.warp(undistorted)
     birdseye_mask = np.where(view.metric.warp(mask) > 127, np.uint8(255), np.uint8(0))
-    textbook = finder.order == "textbook"
-    points = view.points_of_mask(view.scan_undistorted(mask)) if textbook else view.points(paint_points(z))
+    points, _ = finder.points(frame, view)
     metres = np.column_stack([points.bearing, np.ones(len(points))]) / points.inverse[:, None]
     fit = draw.birdseye(
         birdseye, grid, lane=result.lane, points_m=metres, weights=points.weight, held=result.status == "held"

@@ -13,6 +13,7 @@ import numpy as np
 
 from lanelib.channels import CHANNELS, as_bgr, equalise_lightness, hsv_white, hsv_yellow, in_range, one_channel
 from lanelib.errors import LanelibError
+from lanelib.paint import PAINT_WIDTH_M, paint_channels, ridge_response
 
 # ---------------------------------------------------------------------------------------------- gradients
 
@@ -193,6 +194,22 @@ def paint_steps(
     steps["either"] = any_of(brighter, yellower)
     steps["long enough"] = keep_long(steps["either"], horizon_row=horizon_row)
     return steps
+
+
+def paint_response(frame_bgr: np.ndarray, *, horizon_row: float | None = None, camera_height_m: float) -> np.ndarray:
+    """How much every pixel looks like paint, z >= 0, (H, W) float32: the finder's own measure (``paint``), taken in
+    the frame, where paint grows with the rows below the horizon. What the textbook order weighs its points with; the
+    mask above is the same idea as a yes or no."""
+    brightness, yellow = paint_channels(as_bgr(frame_bgr))
+    widths = stripe_widths(len(brightness), horizon_row=horizon_row, paint_slope=PAINT_WIDTH_M / camera_height_m)
+    z = np.zeros(brightness.shape, np.float32)
+    for width_px in np.unique(widths[widths > 0]):
+        first, last = np.flatnonzero(widths == width_px)[[0, -1]]
+        rows = slice(first, last + 1)
+        both = np.concatenate([brightness[rows], yellow[rows]])
+        found = ridge_response(both, column_m=PAINT_WIDTH_M / width_px, rows=last + 1 - first)
+        z[rows] = np.maximum(*np.split(found, 2))
+    return z
 
 
 # ---------------------------------------------------------------------------------------------- recipes

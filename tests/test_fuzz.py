@@ -96,6 +96,7 @@ IMAGE_FUNCTIONS = {
     "keep_long": threshold.keep_long,
     "close_gaps": threshold.close_gaps,
     "paint_ridges": threshold.paint_ridges,
+    "paint_response": lambda image: threshold.paint_response(image, camera_height_m=1.3),
     "sobel": lambda a: threshold.magnitude_mask(threshold.sobel(a), 20),
     "paint_channels": paint.paint_channels,
     "paint_evidence": paint.paint_evidence,

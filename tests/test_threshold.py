@@ -19,6 +19,7 @@ from lanelib.channels import (
     in_range,
 )
 from lanelib.errors import LanelibError
+from lanelib.paint import STRONG_Z, WEAK_Z
 from lanelib.threshold import (
     DEFAULT_RECIPE,
     RECIPES,
@@ -32,6 +33,7 @@ from lanelib.threshold import (
     keep_long,
     magnitude,
     magnitude_mask,
+    paint_response,
     paint_ridges,
     paint_steps,
     recipe_by_name,
@@ -243,6 +245,23 @@ def test_what_is_bright_on_one_side_only_is_not_paint():
             picture[:, 245:252] = (30, 30, 30)
         near = paint_steps(picture, horizon_row=120)["long enough"][170:]
         assert not near.any(), shape
+
+
+@pytest.mark.parametrize("light", [1.0, 0.5])
+@pytest.mark.parametrize("paint", [WHITE, YELLOW])
+def test_the_response_is_that_of_paint_and_of_nothing_else(paint, light):
+    """Clearly above the weakest response on all of the paint's middle, below it on the road beside; and the middle of
+    the stripe is its crest."""
+    frame, truth = road(ASPHALT, paint, light=light)
+    z = paint_response(frame, horizon_row=120, camera_height_m=1.25)
+    near = np.s_[160:]
+    assert np.median(z[near][truth[near] == 2]) > STRONG_Z and (z[near][truth[near] == 2] > WEAK_Z).mean() > 0.97
+    beside = cv2.dilate((truth > 0).astype(np.uint8), np.ones((9, 9), np.uint8)) == 0
+    assert (z[near][beside[near]] > WEAK_Z).mean() < 0.02
+    assert not z[:120].any() and z.dtype == np.float32 and z.shape == truth.shape
+    plain, _ = road(ASPHALT, lines=())
+    plain[:, 250:] = (25, 25, 25)
+    assert (paint_response(plain, horizon_row=120, camera_height_m=1.25)[160:, 235:265] > WEAK_Z).mean() < 0.02
 
 
 def test_the_horizon_and_slope_describe_the_camera():
