@@ -24,9 +24,11 @@ FARTHEST_M = 45.0  # beyond, a bearing step is much wider than the paint; the fi
 LEAST_WEIGHT, MOST_VOTERS = 0.1, 75  # more voters cost time and change nothing
 STRIP_M, STRIP_VOTERS = 1.0, 10  # strips along the road; points beyond so many in one have less and less to say
 LEAST_VOTES, MOST_PEAKS = 2.0, 200
-PER_SIDE = 3  # lines: ours, that of the next lane, another reading of one of them
+PER_SIDE = 4  # lines: ours, that of the next lane, other readings of them
 ON_LINE_M = 0.3  # a point so near to a line votes for it
-SAME_LINE_M = 0.3, 1.0  # lines nearer to each other at 8 m and at 20 m are one
+PLACES_M = 8.0, 20.0  # where lines are told apart
+SAME_LINE_M = 0.3, 1.0  # those that are nearer to each other there are one
+DRAWN_TOGETHER_M = 0.06, 0.2  # once drawn onto their points, those that are nearer
 STEPS = (15, 30), (8, 45), (5, 70)  # widths of the biweight in standard deviations, and how far they look, m
 
 
@@ -104,7 +106,7 @@ def single_lines(points: Points, *, prior: Prior = UNKNOWN_ROAD, count: int = PE
     on = np.abs(seen.bearing * y - x[:, None] - y * (bearing[:, None] + y * bend[:, None])) < ON_LINE_M
     on = on.astype(np.float32)
     objected = objection(prior, points.height_m, bend, bearing, x)
-    place = np.column_stack([x + 8 * (bearing + 8 * bend), x + 20 * (bearing + 20 * bend)]) / SAME_LINE_M
+    place = np.column_stack([x + y * (bearing + y * bend) for y in PLACES_M]) / SAME_LINE_M
     found, weight = [], seen.weight.astype(np.float32)
     for side in (x < 0, x > 0):
         worth = np.where(side, on @ weight - objected, 0)
@@ -118,7 +120,9 @@ def single_lines(points: Points, *, prior: Prior = UNKNOWN_ROAD, count: int = PE
             worth -= on @ half
             worth[np.abs(place - place[best]).max(axis=1) < 1] = 0
     lines = refined_lines(points, np.column_stack([np.zeros(len(x)), bend, bearing, x])[found])
-    return lines[np.abs(lines[:, 3]) < MOST_X_M]
+    lines = lines[np.abs(lines[:, 3]) < MOST_X_M]
+    place = lines @ np.vander(PLACES_M, 4).T  # readings of one line are drawn to the same place
+    return lines[first_apart(place, np.array(DRAWN_TOGETHER_M), len(lines))]
 
 
 def refined_lines(points: Points, lines: np.ndarray) -> np.ndarray:
@@ -137,3 +141,14 @@ def refined_lines(points: Points, lines: np.ndarray) -> np.ndarray:
         normal = weighted @ design.T + prior
         lines = np.linalg.solve(normal, (weighted @ points.bearing + base)[..., None])[..., 0]
     return lines
+
+
+def first_apart(places: np.ndarray, least_m: np.ndarray, count: int) -> list[int]:
+    """Indices of the first ``count`` rows of (K, N) that differ from all chosen before in at least one column by more
+    than ``least_m`` (N,)."""
+    found: list[int] = []
+    others = np.arange(len(places))
+    while len(others) and len(found) < count:
+        found.append(others[0])
+        others = others[(np.abs(places[others] - places[others[0]]) > least_m).any(axis=1)]
+    return found

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lanelib.hough import FARTHEST_M, single_lines
+from lanelib.hough import FARTHEST_M, first_apart, single_lines
 from lanelib.jointfit import (
     CENTRE,
     HEADING,
@@ -93,14 +93,3 @@ def hypotheses(
         another = (np.abs(landmarks(means) - landmarks(known)) > APART_M).any(axis=1)
         means = means[another | (np.abs(means[:, PITCH] - known[PITCH]) > APART_PITCH)]
     return [*means[first_apart(landmarks(means), APART_M, count)]]
-
-
-def first_apart(places: np.ndarray, least_m: np.ndarray, count: int) -> list[int]:
-    """Indices of the first ``count`` rows of (K, N) that differ from all chosen before in at least one column by more
-    than ``least_m`` (N,)."""
-    found: list[int] = []
-    others = np.arange(len(places))
-    while len(others) and len(found) < count:
-        found.append(others[0])
-        others = others[(np.abs(places[others] - places[others[0]]) > least_m).any(axis=1)]
-    return found

@@ -36,7 +36,7 @@ FAR_ROW_M = 10.0  # the farthest scan row is where one pixel of a 1280-wide fram
 EXTEND, FARTHEST_M = 2.5, 250.0
 # While a lane is tracked, only the columns around it are looked at: so far to the sides that the texture beside its
 # lines is the same as in the whole view; in steps of columns, so that few different tables are ever made.
-AROUND_M, AROUND_STEP, MOST_AROUND = 2.25, 10, 24
+AROUND_M, AROUND_STEP, MOST_AROUND = 2.0, 10, 24
 AROUND_Y_M = np.array([5.0, 10.0, 20.0, 35.0, 60.0])
 
 
@@ -194,8 +194,11 @@ class View:
         width, height = self.rig.size_wh
         apart_m = -np.gradient(self.grid.y_m)
         rows = np.count_nonzero(apart_m > DOT_M)  # the farthest ones
-        half_way = Grid(self.grid.x_m, self.grid.y_m - apart_m / 2)
-        x, y = np.moveaxis(self.rig.birdseye.table(self.rig.camera, half_way)[0][:rows].astype(np.intp), -1, 0)
+        half_way_m = self.grid.y_m[:rows] - apart_m[:rows] / 2
+        if rows < 2 or (np.diff(half_way_m) >= 0).any():  # a picture of next to nothing, or of 1e16 m of road
+            return np.empty((0, len(self.grid.x_m)), np.intp), np.empty((0, len(self.grid.x_m)), np.uint8)
+        pixels, _ = self.rig.birdseye.table(self.rig.camera, Grid(self.grid.x_m, half_way_m))
+        x, y = np.moveaxis(pixels.astype(np.intp), -1, 0)
         seen = (self._table[0][:rows, :, 0] >= 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
         return np.where(seen, y * width + x, 0), np.where(seen, SHINING_LEVELS, 255).astype(np.uint8)
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -54,7 +55,9 @@ class RoadMemory:
         # two looks behind the car stay: what is between them and those ahead is known
         while len(self._looks) > 2 and self._looks[1][0] < self.travelled_m - 2 * BLUR_M:
             self._looks.popleft()
-        known = [self.curvature_1pm(y) for y in STEPS_M]
+        reach_m = self.travelled_m + NEAR_M + 2 * BLUR_M
+        near = [look for look in self._looks if look[0] < reach_m]
+        known = [self.curvature_1pm(y, near) for y in STEPS_M]
         if any(map(math.isnan, known)):
             return lane
         # x'' = -k: where the line is right at NEAR_M, a curvature greater by dk(y) before it moves the line at the car
@@ -62,12 +65,12 @@ class RoadMemory:
         shift = sum((k - t) * y * w for k, t, y, w in zip(known, told, STEPS_M, WEIGHTS_M, strict=True))
         return replace(lane, here=Here(known[0], lane.offset_m + shift))
 
-    def curvature_1pm(self, ahead_m: float) -> float:
+    def curvature_1pm(self, ahead_m: float, near: Iterable[tuple[float, float]] | None = None) -> float:
         """Signed curvature of the road at a distance from the car, 1/m; NaN before the first and beyond the last place
         that was seen. (Looks may lie some metres apart, where the view grew or shrank: between them it is
-        interpolated.)"""
+        interpolated.) ``near``: those looks that may be near enough, where they are known."""
         asked, total, weighted = self.travelled_m + ahead_m, 0.0, 0.0
-        for place, curvature in self._looks:
+        for place, curvature in self._looks if near is None else near:
             weight = 1 - abs(place - asked) / (2 * BLUR_M)
             if weight > 0:
                 total += weight

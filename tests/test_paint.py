@@ -80,6 +80,13 @@ def test_the_response_follows_the_columns_width_in_metres():
         assert ridge_response(kerb, column_m=column_m)[:, 148:152].max() == 0
 
 
+def test_pictures_below_each_other_do_not_see_each_other():
+    pictures = np.random.default_rng(1).integers(0, 256, (3, 20, 301), dtype=np.uint8)
+    together = ridge_response(np.concatenate(pictures), rows=20)
+    assert np.array_equal(together, np.concatenate([ridge_response(picture) for picture in pictures]))
+    assert not np.array_equal(together, ridge_response(np.concatenate(pictures)))
+
+
 def test_noise_gives_few_and_weak_points():
     """Sensor noise of 2 to 30 grey levels: a point a row at most weighs anything much, wherever it is."""
     for sigma in (2, 12, 30):

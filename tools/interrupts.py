@@ -178,16 +178,23 @@ def interrupt(name: str, number: signal.Signals, after_s: float, place: Path, se
     where = f"{name}, {number.name} after {after_s:.2f} s"
     if not good:
         found.wrong.append(f"{where}: exit code {process.returncode}, said {' / '.join(err.split())[-300:]!r}")
+    if number == signal.SIGKILL:
+        alone_in(place)  # an ffmpeg that had just been started begins its file only now
     may_stay = unfinished(place) if number == signal.SIGKILL else before
     found.wrong += [f"{where}: {fault}" for fault in left_behind(place, may_stay)]
 
 
-def left_behind(place: Path, may_stay: Sequence[Path] = ()) -> list[str]:
-    """Processes, temporary files that may not stay, and files under a final name that are not whole."""
+def alone_in(place: Path) -> list[str]:
+    """The processes that are still at work in this place after some seconds; none, as a rule."""
     deadline = time.monotonic() + 5
     while (stay := naming(str(place))) and time.monotonic() < deadline:
         time.sleep(0.05)
-    faults = [f"a process stayed: {line[:120]}" for line in stay]
+    return stay
+
+
+def left_behind(place: Path, may_stay: Sequence[Path] = ()) -> list[str]:
+    """Processes, temporary files that may not stay, and files under a final name that are not whole."""
+    faults = [f"a process stayed: {line[:120]}" for line in alone_in(place)]
     faults += [f"a temporary file stayed: {path.name}" for path in unfinished(place) if path not in may_stay]
     return faults + [f"{path.relative_to(place)} is not whole" for path in place.rglob("*") if not whole(path, place)]
 

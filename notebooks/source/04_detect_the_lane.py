@@ -603,9 +603,9 @@ n04.hough(paint, single_lines(paint))
 # The brightest spots are the yellow line, at a bend to the left. They lie on a slanting ridge: a little more bend and a little
 # less heading is nearly the same line, so its votes spread, and the strongest lines of all would be readings of one stripe of
 # paint. On a motorway that stripe may be the far edge of the *next* lane. So the prior has its say before anything is chosen
-# (a line must be a likely boundary of a lane with the car in it), and lines are chosen one after the other, at most
-# three on either side of the car; the points of a chosen line count half from then on: now the dashes on the right have
-# their turn, and after them a curve through what is left.
+# (a line must be a likely boundary of a lane with the car in it), and lines are chosen one after the other, a few on either
+# side of the car; the points of a chosen line count half from then on, so that all get their turn. What is chosen is drawn
+# onto its points, and readings that end in the same place are one line.
 #
 # For each line a **partner** is sought, parallel to it, over all widths from 2.6 to 4.6 m and all pitches; the most promising
 # lanes with the car between them are fitted, and the one with the most paint and the fewest objections of the prior wins. The

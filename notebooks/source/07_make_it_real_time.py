@@ -165,7 +165,7 @@ for sized in views:
     errors.append([np.abs(ablation.believed_error_m(lanes[n], known[n])) for n in easy])
 errors_cm = [100 * np.concatenate(e) for e in errors]
 
-# %% alt="Error over the width of a column, both logarithmic: the median stays below half a centimetre up to 5 cm, is more than a centimetre at 10 cm, and several beyond."
+# %% alt="Error over the width of a column, both logarithmic: the median stays below half a centimetre up to 5 cm, is about a centimetre at 10 cm, and several beyond."
 at_20, worst = [[f(e[:, 2]) for e in errors_cm] for f in (np.nanmedian, np.nanmax)]
 widths_cm = [100 * column for column, _ in sizes]
 n07.over_size(widths_cm, {"median": at_20, "worst": worst})
@@ -186,7 +186,7 @@ figures.bars(cost, unit="CPU time of a fresh search, ms", highlight="5.00 cm")
 # From 5 cm columns on, more pixels gain millimetres at most: the points of a crest are located to a fraction of a pixel by the
 # parabola through three of them, and dozens of points share in each line. With 10 cm columns a line is one pixel wide,
 # the ridge filter has nothing to stand on, and the error grows. So it is 5 cm: finer ones cost
-# up to three times as much for millimetres, coarser ones lose centimetres.
+# up to three times as much for millimetres, coarser ones double the error and soon lose centimetres.
 #
 # That is true for lines. On many motorways lanes are marked by *Botts' dots*, ceramic domes of 4 inches, and rows have a trap
 # for them:
@@ -199,8 +199,8 @@ notebook.say("The rows of the small view are " + ", ".join(f"{d:.2f} m apart at 
 # %% [markdown]
 # A dot may lie between two rows, and then no filter ever sees it. More rows would cost time in every step that follows.
 # Instead the view looks up one more pixel half way between each row and the next, without interpolation, and adds what is clearly
-# brighter there (`View.paint_channels`). It costs a fiftieth of the frame's time, and on the strangers of notebook 06 most
-# roads with dots alone are found by it.
+# brighter there (`View.paint_channels`). That costs a few hundredths of the frame's time; without it, one dirty dot in four is
+# missed (`tests/test_rig.py`).
 #
 # ## Step 3: look where the lane was
 #
