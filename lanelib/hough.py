@@ -75,7 +75,7 @@ def peaks(table: np.ndarray, objected: np.ndarray | float = 0.0) -> tuple[np.nda
     flat[:, np.abs(X_BINS_M) < NEAREST_X_M] = 0
     clear = flat > LEAST_VOTES
     bins = flat.reshape(table.shape)
-    np.subtract(bins, objected, out=bins, casting="same_kind")
+    bins -= objected
     at = np.flatnonzero(clear & (flat >= cv2.dilate(flat, np.ones((3, 3)))))
     at = at[np.argsort(-flat.ravel()[at], kind="stable")[:MOST_PEAKS]]
     return BENDS[at // (n_bearings * n_x)], BEARINGS[at // n_x % n_bearings], X_BINS_M[at % n_x]
@@ -86,8 +86,9 @@ def objection(prior: Prior, height_m: float, bend, bearing, x) -> np.ndarray:
     distance. A camera ``height_m`` above the road that pitches turns the bearing of a line beside it."""
     centre = x - np.copysign(prior.mean[WIDTH] / 2, x) - prior.mean[CENTRE]
     turn = prior.covariance[HEADING, HEADING] + np.square(x / height_m) * prior.covariance[PITCH, PITCH]
-    across = np.square(centre) / prior.covariance[CENTRE, CENTRE] + np.square(bearing) / turn
-    return 0.5 * across + 0.5 * np.square(bend) / prior.covariance[BEND, BEND]
+    across = 0.5 * (np.square(centre) / prior.covariance[CENTRE, CENTRE] + np.square(bearing) / turn)
+    bent = 0.5 * np.square(bend) / prior.covariance[BEND, BEND]
+    return across.astype(np.float32) + bent.astype(np.float32)
 
 
 def single_lines(points: Points, *, prior: Prior = UNKNOWN_ROAD, count: int = PER_SIDE) -> np.ndarray:
@@ -102,8 +103,9 @@ def single_lines(points: Points, *, prior: Prior = UNKNOWN_ROAD, count: int = PE
     bend, bearing, x = peaks(votes(seen), objection(prior, points.height_m, *every))
     if len(x) == 0:
         return np.empty((0, 4))
-    y = 1 / seen.inverse
-    on = np.abs(seen.bearing * y - x[:, None] - y * (bearing[:, None] + y * bend[:, None])) < ON_LINE_M
+    y, seen_bearing = (1 / seen.inverse).astype(np.float32), seen.bearing.astype(np.float32)
+    lines = np.column_stack([bend, bearing, x]).astype(np.float32)
+    on = np.abs(lines @ np.stack([y * y, y, np.ones_like(y)]) - seen_bearing * y) < ON_LINE_M
     on = on.astype(np.float32)
     objected = objection(prior, points.height_m, bend, bearing, x)
     place = np.column_stack([x + y * (bearing + y * bend) for y in PLACES_M]) / SAME_LINE_M

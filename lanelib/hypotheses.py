@@ -77,7 +77,7 @@ def hypotheses(
     points: Points,
     *,
     prior: Prior = UNKNOWN_ROAD,
-    count: int = 4,
+    count: int = 3,
     least_energy: float = -np.inf,
     known: np.ndarray | None = None,
 ) -> list[np.ndarray]:
