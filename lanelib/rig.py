@@ -256,8 +256,7 @@ class View:
             view._half_table = self._half_table[0], part(self._half_table[1])
         for name in ("_between", "_between_green"):
             if name in made:
-                at, noise = made[name]
-                made[name] = np.ascontiguousarray(at[..., columns]), np.ascontiguousarray(noise[:, columns])
+                made[name] = part(made[name])
         made.pop("_undistorted_table", None)
         return view
 

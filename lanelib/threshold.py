@@ -5,7 +5,7 @@ The classics compare pixels with fixed numbers; the default asks for the *shape*
 width, brighter or yellower than the road on both sides, measured against the road's own brightness and texture.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -125,6 +125,13 @@ def stripe_widths(rows: int, *, horizon_row: float | None = None, paint_slope: f
     return np.where(below > 0.01 * rows, widths, 0)  # the last 1 % of rows below the horizon hold only haze
 
 
+def bands(widths: np.ndarray) -> Iterator[tuple[int, slice]]:
+    """The rows below the horizon by their stripe width: (pixels, rows of that width)."""
+    for width_px in np.unique(widths[widths > 0]):
+        first, last = np.flatnonzero(widths == width_px)[[0, -1]]
+        yield int(width_px), slice(first, last + 1)
+
+
 def ridge(values: np.ndarray, brightness: np.ndarray, width_px: int) -> np.ndarray:
     """How much `values` stands out as an upright stripe of `width_px`: (H, W) float32, paint is 1 and above.
 
@@ -160,13 +167,11 @@ def paint_ridges(
     frame = as_bgr(frame_bgr)
     widths = stripe_widths(len(frame), horizon_row=horizon_row, paint_slope=paint_slope)
     bright, yellow = np.zeros(frame.shape[:2], np.float32), np.zeros(frame.shape[:2], np.float32)
-    for width_px in np.unique(widths[widths > 0]):  # rows of one width form one band
-        first, last = np.flatnonzero(widths == width_px)[[0, -1]]
-        rows = slice(first, last + 1)
+    for width_px, rows in bands(widths):
         blue, green, red = cv2.split(frame[rows].astype(np.float32))
         brightness = (red + green) / 2
-        bright[rows] = ridge(brightness, brightness, int(width_px))
-        yellow[rows] = ridge(np.minimum(red, green) - blue, brightness, int(width_px))
+        bright[rows] = ridge(brightness, brightness, width_px)
+        yellow[rows] = ridge(np.minimum(red, green) - blue, brightness, width_px)
     return bright, yellow
 
 
@@ -203,11 +208,9 @@ def paint_response(frame_bgr: np.ndarray, *, horizon_row: float | None = None, c
     brightness, yellow = paint_channels(as_bgr(frame_bgr))
     widths = stripe_widths(len(brightness), horizon_row=horizon_row, paint_slope=PAINT_WIDTH_M / camera_height_m)
     z = np.zeros(brightness.shape, np.float32)
-    for width_px in np.unique(widths[widths > 0]):
-        first, last = np.flatnonzero(widths == width_px)[[0, -1]]
-        rows = slice(first, last + 1)
+    for width_px, rows in bands(widths):
         both = np.concatenate([brightness[rows], yellow[rows]])
-        found = ridge_response(both, column_m=PAINT_WIDTH_M / width_px, rows=last + 1 - first)
+        found = ridge_response(both, column_m=PAINT_WIDTH_M / width_px, rows=rows.stop - rows.start)
         z[rows] = np.maximum(*np.split(found, 2))
     return z
 

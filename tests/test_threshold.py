@@ -250,8 +250,8 @@ def test_what_is_bright_on_one_side_only_is_not_paint():
 @pytest.mark.parametrize("light", [1.0, 0.5])
 @pytest.mark.parametrize("paint", [WHITE, YELLOW])
 def test_the_response_is_that_of_paint_and_of_nothing_else(paint, light):
-    """Clearly above the weakest response on all of the paint's middle, below it on the road beside; and the middle of
-    the stripe is its crest."""
+    """Clearly above the weakest response on all of the paint's middle, below it on the road beside and at a shadow's
+    edge."""
     frame, truth = road(ASPHALT, paint, light=light)
     z = paint_response(frame, horizon_row=120, camera_height_m=1.25)
     near = np.s_[160:]

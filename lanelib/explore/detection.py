@@ -14,7 +14,6 @@ from lanelib.explore.kit import Explorer, choice, counter, slider
 from lanelib.explore.look import WIDTH_PX, Look, Reading
 from lanelib.finder import LaneFinder
 from lanelib.lane import Lane, check_lane
-from lanelib.paint import evidence_of, paint_points
 from lanelib.result import LaneResult
 from lanelib.rig import Rig, View
 
@@ -89,12 +88,7 @@ def detect_look(
     if model == "joint":
         finder = LaneFinder(view.rig, recipe=recipe, model="joint", track=False)
         result = finder.process(frame.bgr)
-        found = paint_points(evidence_of(*view.paint_channels(frame.bgr), column_m=view.grid.column_m)[0])
-        on_road = (
-            view.points(found)
-            if finder.order == "finder"
-            else view.points_of_mask(view.scan_undistorted(frame.mask(recipe)))
-        )
+        on_road, _ = finder.points(frame.bgr, view)
         metres = np.column_stack([on_road.bearing, np.ones(len(on_road))]) / on_road.inverse[:, None]
         points = {"points_m": metres, "weights": on_road.weight}
         beside = ("paint points", draw.birdseye(frame.above, grid, **points))
