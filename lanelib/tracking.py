@@ -49,10 +49,12 @@ LEAST_PACE, MOST_PACE = 0.1, 5.0  # rates above 250 and below 5 frames a second 
 STEP_STD = np.array([0.016, 0.0035, 4e-4, np.nan, 0.0075, 0.004, 6e-5])
 # What is shown lies ALPHA of the way from where it was going to the new fit. How the lane changes from frame to frame
 # is learned from each surprise by BETA of it, and forgotten within a second or two. (Alpha-beta filter: Brookner,
-# Tracking and Kalman Filtering Made Easy, ch. 1.) Less of either is calmer on a straight road and late in a quick lane
-# change.
+# Tracking and Kalman Filtering Made Easy, ch. 1.) Less of either is calmer on a straight road ...
 ALPHA, BETA = np.array([0.2, 0.3, 0.4, 0.5, 0.3]), 0.2  # ALPHA of centre, heading, bend, rate, width
-SWERVE_ALPHA, SWERVE_M = 0.5, 0.015  # of the centre, once the car moves so far sideways in a frame: 0.4 m/s
+# ... and late where the car swerves or bounces: so no line is shown further beside the paint of this frame than a pixel
+# or two, as a bearing at some distances
+CALM_RAD = 0.0013
+BEARINGS = np.array([[1 / y, 1, y, y * y, side / 2 / y] for y in (6.0, 10.0, 20.0) for side in (-1, 1)])
 # Which numbers go on changing as they did. Bumps come without warning: pitch and hill are shown as seen.
 DRIFTS = np.array([0.98, 0.95, 0.95, 0.0, 0.0, 0.0, 0.0])
 LEARNED, LEARNING = [WIDTH, PITCH], 0.02  # of the drive: with a memory of 50 frames, quicker at its begin
@@ -130,7 +132,6 @@ class LaneTracker:
         self.step_std = self._step_std * np.sqrt(self.pace)
         self._drifts = DRIFTS**self.pace
         self._alpha, self._beta = 1 - (1 - ALPHA) ** self.pace, 1 - (1 - BETA) ** self.pace
-        self._swerve_alpha, self._swerve_m = 1 - (1 - SWERVE_ALPHA) ** self.pace, SWERVE_M * self.pace
 
     def reset(self) -> None:
         """Forget the lane (what was learned of the drive stays)."""
@@ -269,10 +270,10 @@ class LaneTracker:
             surprise = fit.mean - self._expected
             if (np.abs(surprise) < JUMPS).all():
                 self._drift = self._drifts * (self._drift + self._beta * surprise)
-                alpha, mean = self._alpha.copy(), fit.mean.copy()
-                swerves = min(1.0, (self._drift[CENTRE] / self._swerve_m) ** 2)
-                alpha[CENTRE] += swerves * (self._swerve_alpha - alpha[CENTRE])
-                mean[:PITCH] -= (1 - alpha) * (fit.mean - last.mean - self._drift)[:PITCH]
+                calm = (1 - self._alpha) * (fit.mean - last.mean - self._drift)[:PITCH]
+                seen = np.abs(BEARINGS @ calm).max()
+                mean = fit.mean.copy()
+                mean[:PITCH] -= calm * min(1.0, CALM_RAD / seen) if seen > 0 else 0.0
                 self.shown = replace(fit, mean=mean)
                 return
         self._drift = np.zeros(7)
