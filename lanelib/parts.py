@@ -7,6 +7,7 @@ it away.
 
 import os
 import re
+import stat
 from contextlib import suppress
 from pathlib import Path
 
@@ -21,6 +22,15 @@ def part_of(final: Path, *, suffix: str = ".part") -> Path:
 def prefix_of(final: Path) -> str:
     """How the names of this process's unfinished files for `final` begin."""
     return f".{_short(final)}.{os.getpid()}."
+
+
+def is_special(path: Path) -> bool:
+    """Whether a device or pipe stands there (/dev/null, a named pipe): it is written into, never replaced by a file."""
+    try:
+        mode = os.stat(path).st_mode
+    except (OSError, ValueError):  # nothing there, or no name at all
+        return False
+    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
 
 
 def remove_abandoned(final: Path) -> None:

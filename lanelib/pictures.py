@@ -7,7 +7,6 @@ header states, and lets libjpeg print on the terminal. Here the bytes are checke
 import errno
 import os
 import re
-import stat
 import struct
 import tempfile
 import threading
@@ -19,7 +18,7 @@ import cv2
 import numpy as np
 
 from lanelib.errors import LanelibError
-from lanelib.parts import prefix_of, remove_abandoned
+from lanelib.parts import is_special, prefix_of, remove_abandoned
 
 MAX_MEGAPIXELS = 120.0  # above any camera a car carries (8K is 33) and common phones (108); 360 MB once decoded
 MAX_FILE_BYTES = 1 << 29  # 512 MB: an uncompressed picture of the largest size, with room to spare
@@ -103,6 +102,8 @@ def write_image(path, image: np.ndarray, *, jpeg_quality: int = 92) -> Path:
 def write_bytes(path, data: bytes) -> Path:
     """Write a file under a temporary name in the same folder, then rename it: a killed run leaves the old file or none.
 
+    Into a device or pipe they are written as they are.
+
     Raises
     ------
     LanelibError : the place cannot be written
@@ -112,6 +113,9 @@ def write_bytes(path, data: bytes) -> Path:
     try:
         if path.is_dir():
             raise IsADirectoryError(0, "it is a folder")
+        if is_special(path):
+            path.write_bytes(data)
+            return path
         remove_abandoned(path)
         # chosen before it exists: whatever comes in between, Ctrl-C too, can take it away
         temporary = path.with_name(f"{prefix_of(path)}{os.urandom(4).hex()}.part")
@@ -136,7 +140,7 @@ def read_text(path, *, max_bytes: int = 1 << 24) -> str:
     UnicodeDecodeError.
     """
     status = os.stat(path)
-    if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
+    if is_special(path):
         raise OSError(errno.EINVAL, "a device or pipe, which is no file", str(path))
     if status.st_size > max_bytes:
         raise OSError(errno.EFBIG, f"a file of {status.st_size / 1e6:.0f} MB, too large for this", str(path))

@@ -6,6 +6,7 @@ time that pytest gives it anyway, and a failure shows as a hang.
 
 import os
 import sys
+import threading
 from pathlib import Path
 
 import clips
@@ -17,7 +18,8 @@ from lanelib.birdseye import BirdsEye
 from lanelib.camera import Camera
 from lanelib.errors import LanelibError
 from lanelib.labels import read_labels
-from lanelib.pictures import read_image, read_text, write_image
+from lanelib.outputs import json_lines
+from lanelib.pictures import read_image, read_text, write_bytes, write_image
 from lanelib.rig import Rig
 from lanelib.truth import load_truth
 
@@ -76,6 +78,25 @@ def test_neither_is_waited_for_by_a_command(place, capsys, line, name):
     err = capsys.readouterr().err
     assert err and all(said.startswith("lanelib: ") for said in err.splitlines()) and "Traceback" not in err
     assert not list(place.glob("*out*"))
+
+
+def test_pipes_and_devices_stay_what_they_are(place):
+    """Bytes and rows go into them; a file in their place would be read by nobody."""
+    for write in (lambda path: write_bytes(path, b"x"), _one_row):
+        read = []
+        reader = threading.Thread(target=lambda into=read: into.append(Path("pipe").read_bytes()), daemon=True)
+        reader.start()
+        write(Path("pipe"))
+        reader.join(10)
+        assert read[0] and Path("pipe").is_fifo()
+        write(Path("/dev/null"))
+        assert Path("/dev/null").is_char_device()
+    assert sorted(path.name for path in place.iterdir()) == ["clip.mp4", "huge", "pipe", "rig.json", "road.png"]
+
+
+def _one_row(path: Path) -> None:
+    with json_lines(path) as write_row:
+        write_row({"raw_file": "a.jpg"})
 
 
 def test_hard_links_and_links_to_nowhere(place, capsys):
