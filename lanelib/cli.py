@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from lanelib.errors import LanelibError
+from lanelib.errors import LanelibError, one_line
 
 OK, FAULT, BAD_INPUT, INTERRUPTED, TERMINATED, BROKEN_PIPE = 0, 1, 2, 130, 143, 141
 
@@ -48,25 +48,25 @@ def main(argv: Sequence[str] | None = None) -> int:
         return code
     except SystemExit as error:  # argparse
         return error.code if isinstance(error.code, int) else FAULT
-    except KeyboardInterrupt:
-        return _ended_by(came)
+    except KeyboardInterrupt as error:
+        return _ended_by(came, error)
     except BrokenPipeError:  # `lanelib … | head`: nobody reads on; keep Python from complaining at exit
         _silence_stdout()
         return BROKEN_PIPE
     except LanelibError as error:
-        _complain(error)
+        _complain(error, error)
         return BAD_INPUT
     except OSError as error:  # a folder that may not be listed, a full disk under a redirected stdout
         _silence_stdout()
-        _complain(f"{error.filename or 'input or output'}: {error.strerror or error}")
+        _complain(f"{error.filename or 'input or output'}: {error.strerror or error}", error)
         return BAD_INPUT
     except Exception as error:
         if came:  # a library that is just being loaded may make another error of it
-            return _ended_by(came)
+            return _ended_by(came, error)
         if os.environ.get("LANELIB_DEBUG") == "1":
             raise
         kind = "not enough memory" if isinstance(error, MemoryError) else f"{type(error).__name__}: {error}"
-        _complain(f"a fault of lanelib ({kind}); please report it, LANELIB_DEBUG=1 shows where it happened")
+        _complain(f"a fault of lanelib ({kind}); please report it, LANELIB_DEBUG=1 shows where it happened", error)
         return FAULT
     finally:
         for number, handler in old.items():
@@ -74,13 +74,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 # ---------------------------------------------------------------------------------------------- how it ends
-def _complain(what: object) -> None:
-    print(f"lanelib: {' '.join(str(what).split())}", file=sys.stderr)
+def _complain(what: object, error: BaseException) -> None:
+    print(f"lanelib: {one_line(what, error)}", file=sys.stderr)
 
 
-def _ended_by(came: Sequence[int]) -> int:
+def _ended_by(came: Sequence[int], error: BaseException) -> int:
     terminated = signal.SIGTERM in came
-    _complain(f"{'ended by a signal' if terminated else 'interrupted'}; nothing half-written was left")
+    how = "ended by a signal" if terminated else "interrupted"
+    _complain(how if hasattr(error, "__notes__") else f"{how}; nothing half-written was left", error)
     return TERMINATED if terminated else INTERRUPTED
 
 

@@ -10,11 +10,13 @@ import sys
 import tempfile
 import threading
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from functools import partial
+from itertools import chain
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 
@@ -26,10 +28,12 @@ from lanelib.outputs import (
     Console,
     check_place,
     free_name,
+    identities,
     json_lines,
     make_folder,
     picture_output,
     raw_names,
+    refuse_one_name,
     refuse_same,
     video_output,
     with_folders,
@@ -41,6 +45,7 @@ from lanelib.threshold import recipe_by_name
 
 MAX_FRAMES_OF_CLIP = 40  # for a rig; more only repeat each other
 MEASURED_FRAMES = 25  # of a live source, again and again, to know its rate: less light or a busy computer change it
+Work = tuple[Path, str, Path | None]  # a video, its `raw_file`, and where it is drawn to
 
 
 # ---------------------------------------------------------------------------------------------- calibrate, rig, fetch
@@ -88,7 +93,7 @@ def rig(args: argparse.Namespace, console: Console) -> int:
     """A rig from frames of straight road."""
     from lanelib.autorig import find_rig
 
-    check_place(args.output, sources=args.frames)
+    check_place(args.output, sources=[*args.frames, args.camera])
     camera = None if str(args.camera) == "none" else Camera.load(args.camera)
     frames = []
     for path in args.frames:
@@ -118,25 +123,29 @@ def fetch(args: argparse.Namespace, console: Console) -> int:
 def image(args: argparse.Namespace, console: Console) -> int:
     """The lane in single pictures, each on its own; one that cannot be used does not stop the others."""
     recipe_by_name(args.recipe)
+    refuse_one_name(args.output, args.pictures, datasets.PICTURE_SUFFIXES, "pictures")
     failed = 0
-    taken: set[Path] = set()
+    taken: set[str] = set()
+    sources = [*args.pictures, *_rig_files(args)]
+    read = identities(sources)
     chooser = rigs.RigChooser(args.rig, args.pictures, console.note)
     finders: dict[int, LaneFinder] = {}
-    with json_lines(args.json, sources=args.pictures) as write_row:
+    with json_lines(args.json, sources=sources) as write_row:
         for path, raw_file in zip(args.pictures, raw_names(args.pictures), strict=True):
             try:
-                frame = read_image(path)
-                rig = chooser.for_picture(path, frame)  # the chooser keeps every rig, so that no id comes twice
-                if id(rig) not in finders:
-                    finders[id(rig)] = LaneFinder(rig, recipe=args.recipe, track=False, neighbours=args.neighbours)
-                result = finders[id(rig)].process(frame)
-                write_row(result.to_row(raw_file))
-                out = free_name(picture_output(path, args.output, alone=len(args.pictures) == 1), taken)
-                refuse_same(out, args.pictures)
-                make_folder(out.parent)
-                wrote = write_pictures(frame, result, finders[id(rig)], out, with_stages=args.stages)
-                more = f" and {len(wrote) - 1} stages" if len(wrote) > 1 else ""
-                console.result(f"{path}: {describe(result)}; wrote {out}{more}")
+                with _system_errors_of(path):
+                    frame = read_image(path)
+                    rig = chooser.for_picture(path, frame)  # the chooser keeps every rig, so that no id comes twice
+                    if id(rig) not in finders:
+                        finders[id(rig)] = LaneFinder(rig, recipe=args.recipe, track=False, neighbours=args.neighbours)
+                    result = finders[id(rig)].process(frame)
+                    write_row(result.to_row(raw_file))
+                    out = free_name(picture_output(path, args.output, alone=len(args.pictures) == 1), taken)
+                    refuse_same(out, read)
+                    make_folder(out.parent)
+                    wrote = write_pictures(frame, result, finders[id(rig)], out, with_stages=args.stages)
+                    more = f" and {len(wrote) - 1} stages" if len(wrote) > 1 else ""
+                    console.result(f"{path}: {describe(result)}; wrote {out}{more}")
             except LanelibError as error:
                 failed += 1
                 console.complain(error)
@@ -144,21 +153,38 @@ def image(args: argparse.Namespace, console: Console) -> int:
     return _outcome(failed, len(args.pictures), "pictures", console)
 
 
+def _rig_files(args: argparse.Namespace) -> list[Path]:
+    """The rigs that may be read: no output may be one of them."""
+    return [*rigs.known_rigs(), *([] if args.rig is None else [Path(args.rig)])]
+
+
+@contextmanager
+def _system_errors_of(path: Path):
+    """What the system refuses while one file is worked on fails that file alone; a reader who has gone ends all."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise LanelibError(
+            f"{path}: needed files and processes of the system, found: {error.strerror or error}; try it alone"
+        ) from None
+
+
 def video(args: argparse.Namespace, console: Console) -> int:
     """The lane in videos; one that cannot be used does not stop the others."""
     recipe_by_name(args.recipe)
-    given = args.output
-    if len(args.videos) > 1 and given is not None and given.suffix.lower() in datasets.VIDEO_SUFFIXES:
-        raise LanelibError(
-            f"{given}: needed a folder as output of {len(args.videos)} videos, found the name of a video"
-        )
+    refuse_one_name(args.output, args.videos, datasets.VIDEO_SUFFIXES, "videos")
     failed = 0
-    taken: set[Path] = set()
-    outputs = [None if args.no_video else free_name(video_output(path, given), taken) for path in args.videos]
-    with json_lines(args.json, sources=args.videos) as write_row:
-        for rows, error in _videos(list(zip(args.videos, outputs, strict=True)), args, write_row, console):
-            for row in rows:
-                write_row(row)
+    taken: set[str] = set()
+    sources = [*args.videos, *_rig_files(args)]
+    outputs = [None if args.no_video else free_name(video_output(path, args.output), taken) for path in args.videos]
+    read = identities(sources)
+    for out in filter(None, outputs):
+        refuse_same(out, read)
+    with json_lines(args.json, sources=sources) as write_row:
+        work = list(zip(args.videos, raw_names(args.videos), outputs, strict=True))
+        for error in _videos(work, args, write_row, console):
             if error is not None:
                 failed += 1
                 console.complain(error)
@@ -166,32 +192,48 @@ def video(args: argparse.Namespace, console: Console) -> int:
     return _outcome(failed, len(args.videos), "videos", console)
 
 
-def _videos(work: list[tuple[Path, Path | None]], args: argparse.Namespace, write_row, console: Console):
-    """(rows still to be written, error or None) of each video, in the order given.
+def _videos(works: list[Work], args: argparse.Namespace, write_row, console: Console) -> Iterator[LanelibError | None]:
+    """What went wrong with each video, in the order given; None where nothing did.
 
     With `--jobs` above 1 so many are worked on at a time, each in its thread with ffmpeg processes of its own;
     what comes out is the same, because nothing is shared: rows wait in a temporary file until it is their turn.
     """
-    if args.jobs == 1 or len(work) == 1:
-        for path, out in work:
-            yield [], _tried(path, out, args, write_row, console, None)
+    if args.jobs == 1 or len(works) == 1:
+        for work in works:
+            yield _tried(work, args, write_row, console, None)
         return
     stop = threading.Event()
     with ExitStack() as stack:
+        files: list[Path | None] = [None] * len(works)
+        if args.json is not None:
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="lanelib-")))
+            files = [folder / f"{number}.jsonl" for number in range(len(works))]
+        rows = [_rows_in(file) for file in files]
+        stack.callback(_pass_on, chain(*rows), write_row)  # on Ctrl-C: what the others have found so far
         pool = stack.enter_context(ThreadPoolExecutor(args.jobs))
+        stack.callback(pool.shutdown, wait=False, cancel_futures=True)
         stack.callback(stop.set)  # on Ctrl-C the others end, too, and leave nothing half-written
-        files = [stack.enter_context(tempfile.TemporaryFile("w+", encoding="utf-8")) for _ in work]
-        futures = []
-        for (path, out), file in zip(work, files, strict=True):
-            keep = partial(_keep_row, file) if args.json is not None else _drop_row
-            futures.append(pool.submit(_tried, path, out, args, keep, console, stop))
-        for future, file in zip(futures, files, strict=True):
+        pairs = zip(files, works, strict=True)
+        futures = [pool.submit(_tried_apart, file, work, args, console, stop) for file, work in pairs]
+        for future, rows_of_one in zip(futures, rows, strict=True):
             error = future.result()
-            file.seek(0)
-            yield map(json.loads, file), error
+            _pass_on(rows_of_one, write_row)
+            yield error
 
 
-def _keep_row(file, row: dict) -> None:
+def _rows_in(file: Path | None) -> Iterator[dict]:
+    """The rows that wait in a file, if it is there once the first one is asked for."""
+    if file is not None and file.exists():
+        with file.open(encoding="utf-8") as lines:
+            yield from (json.loads(line) for line in lines if line.endswith("\n"))  # a full disk may cut the last
+
+
+def _pass_on(rows: Iterable[dict], write_row) -> None:
+    for row in rows:
+        write_row(row)
+
+
+def _keep_row(file: IO[str], row: dict) -> None:
     file.write(json.dumps(row, allow_nan=False) + "\n")
 
 
@@ -199,17 +241,28 @@ def _drop_row(row: dict) -> None:
     pass
 
 
-def _tried(path, out, args, write_row, console, stop: threading.Event | None) -> LanelibError | None:
+def _tried_apart(file: Path | None, work: Work, args, console, stop: threading.Event) -> LanelibError | None:
+    """As `_tried`, with the rows in a file of their own."""
+    if file is None:
+        return _tried(work, args, _drop_row, console, stop)
     try:
-        _one_video(path, out, args, write_row, console, stop)
+        with _system_errors_of(work[0]), file.open("w", encoding="utf-8") as lines:
+            return _tried(work, args, partial(_keep_row, lines), console, stop)
+    except LanelibError as error:
+        return error
+
+
+def _tried(work: Work, args, write_row, console, stop: threading.Event | None) -> LanelibError | None:
+    try:
+        with _system_errors_of(work[0]):
+            _one_video(work, args, write_row, console, stop)
     except LanelibError as error:
         return error
     return None
 
 
-def _one_video(
-    path: Path, out: Path | None, args: argparse.Namespace, write_row, console: Console, stop: threading.Event | None
-) -> None:
+def _one_video(work: Work, args, write_row, console: Console, stop: threading.Event | None) -> None:
+    path, raw_file, out = work
     info = rigs.probe(path)
     if args.rig is not None:
         rig = rigs.load_rig(args.rig)
@@ -231,6 +284,7 @@ def _one_video(
             path,
             out,
             rig,
+            raw_file=raw_file,
             recipe=args.recipe,
             neighbours=args.neighbours,
             view=args.view,
@@ -295,16 +349,18 @@ def evaluate(args: argparse.Namespace, console: Console) -> int:
     """Predictions against labels or truth."""
     from lanelib import evaluate as evaluation
 
+    to_file = args.json is not None and str(args.json) != "-"
+    if to_file:
+        check_place(args.json, sources=[args.labels, args.labels / "truth.json", args.predictions])
     found = evaluation.evaluate(args.labels, args.predictions)
     if args.json is None or str(args.json) != "-":
         console.result(found)
     if args.json is not None:
         text = json.dumps(found.to_dict(), indent=1) + "\n"
-        if str(args.json) == "-":
-            sys.stdout.write(text)
-        else:
-            check_place(args.json, sources=[args.labels, args.predictions])
+        if to_file:
             console.result(f"wrote {write_bytes(args.json, text.encode())}")
+        else:
+            sys.stdout.write(text)
     return 0
 
 

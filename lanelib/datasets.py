@@ -67,11 +67,11 @@ class DataSet:
 
     def boards(self) -> list[Path]:
         """The chessboard pictures, `calibration2` before `calibration10`."""
-        return _files(self.camera_cal, PICTURE_SUFFIXES)
+        return pictures_in(self.camera_cal)
 
     def images(self) -> list[Path]:
         """The road pictures in natural order."""
-        return _files(self.test_images, PICTURE_SUFFIXES)
+        return pictures_in(self.test_images)
 
     def videos(self) -> list[Path]:
         """The clips in natural order."""
@@ -152,6 +152,11 @@ def project_root() -> Path:
 def is_checkout(folder: Path) -> bool:
     """Whether a folder is a checkout of this project rather than, say, site-packages."""
     return (folder / "pyproject.toml").is_file() and (folder / "lanelib" / "datasets.py").is_file()
+
+
+def pictures_in(folder: Path) -> list[Path]:
+    """The pictures of a folder in natural order, without hidden files (macOS puts one beside each, `._a.jpg`)."""
+    return _files(folder, PICTURE_SUFFIXES)
 
 
 def tagged(truth: Mapping[str, dict], *tags: str) -> list[str]:

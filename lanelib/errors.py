@@ -1,4 +1,4 @@
-"""The one exception of lanelib."""
+"""The one exception of lanelib, and how errors become one line."""
 
 
 class LanelibError(ValueError):
@@ -7,3 +7,12 @@ class LanelibError(ValueError):
     The text is one line: what was needed, what was found, what to do. The command line prints it
     and ends with exit code 2; nothing in lanelib raises another type on purpose.
     """
+
+
+def one_line(text: object, error: object = None) -> str:
+    """The text on one line, followed by what is noted on the error (`add_note`), as where unfinished results are.
+
+    >>> one_line("needed a road,\\n found a lake")
+    'needed a road, found a lake'
+    """
+    return " ".join("; ".join([str(text), *getattr(error, "__notes__", [])]).split())

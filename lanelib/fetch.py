@@ -11,11 +11,12 @@ The Udacity pictures and clips (MIT licence) come from one of two places, tried 
 `udacity.sha256` is the list of what belongs to the set (`sha256sum --check lanelib/udacity.sha256` works, too).
 """
 
+import contextlib
 import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -124,8 +125,9 @@ def fetch(
         if not missing:
             break
         try:
-            for file in source.bring(missing, root, say):
-                fetched.append(file)
+            with _kept_is_noted(part_of(root / path) for path in missing):
+                for file in source.bring(missing, root, say):
+                    fetched.append(file)
             answered = True
         except LanelibError as error:
             notes.append(str(error))
@@ -217,6 +219,18 @@ class Repository:
                 if not attempts_left or not (resuming or part.exists()):
                     raise
         raise AssertionError("the last attempt returns or raises")
+
+
+@contextlib.contextmanager
+def _kept_is_noted(parts: Iterable[Path]) -> Iterator[None]:
+    """Ctrl-C inside gets a note on what is unfinished and stays."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        for part in parts:
+            if part.exists():
+                error.add_note(f"{part} is kept, the next `lanelib fetch` goes on from its end")
+        raise
 
 
 def _member_of(path: str) -> str:

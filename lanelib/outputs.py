@@ -3,14 +3,15 @@
 import json
 import os
 import sys
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
 from lanelib import datasets, rigs
-from lanelib.errors import LanelibError
-from lanelib.parts import part_of, remove_abandoned
+from lanelib.errors import LanelibError, one_line
+from lanelib.parts import is_special, part_of, remove_abandoned
 
 OUTPUT = "lanelib_output"  # folder of results of pictures that are of no data set, without -o
 
@@ -42,7 +43,7 @@ class Console:
 
     def complain(self, text: object) -> None:
         """What could not be done; one line whatever is in it."""
-        sys.stderr.write(f"lanelib: {' '.join(str(text).split())}\n")
+        sys.stderr.write(f"lanelib: {one_line(text, text)}\n")
         sys.stderr.flush()
 
 
@@ -50,7 +51,8 @@ class Console:
 def json_lines(path: Path | None, *, sources: Iterable[Path] = ()):
     """A function that writes a row; the file has its name only when the block ends ("-": stdout, None: nowhere).
 
-    Where the block ends with an exception, a file that was there before stays as it was.
+    Where the block ends with an exception, a file that was there before stays as it was; the rows so far are kept
+    beside it as `NAME.partial.jsonl`, and a note on the exception (`add_note`) says so.
     """
     if path is None:
         yield lambda row: None
@@ -58,9 +60,9 @@ def json_lines(path: Path | None, *, sources: Iterable[Path] = ()):
     if str(path) == "-":
         yield lambda row: _write_row(sys.stdout, row)
         return
-    special = path.exists() and not path.is_file() and not path.is_dir()  # /dev/null, a named pipe: nothing to rename
+    check_place(path, sources=sources)
+    special = is_special(path)
     if not special:
-        check_place(path, sources=sources)
         remove_abandoned(path)
     part = path if special else part_of(path)
     with _says_where(path):
@@ -76,11 +78,29 @@ def json_lines(path: Path | None, *, sources: Iterable[Path] = ()):
             file.close()
             if not special:
                 os.replace(part, path)
+    except BaseException as error:
+        with suppress(OSError):
+            file.close()
+        if not special and (kept := _keep_rows(part, path)):
+            error.add_note(f"the rows so far are in {kept}")
+        raise
     finally:
         with suppress(OSError):
             file.close()
         if not special:
             part.unlink(missing_ok=True)
+
+
+def _keep_rows(part: Path, path: Path) -> Path | None:
+    """Give the whole rows of an unfinished file a name that is seen; None where there are none, or it cannot be."""
+    kept = path.with_name(f"{path.stem}.partial{path.suffix}")
+    with suppress(OSError):
+        with part.open("rb+") as file:
+            if not file.truncate(file.read().rfind(b"\n") + 1):  # a full disk may have cut the last one
+                return None
+        os.replace(part, kept)
+        return kept
+    return None
 
 
 @contextmanager
@@ -100,18 +120,30 @@ def check_place(path: Path, *, sources: Iterable[Path] = ()) -> None:
     """LanelibError, before any work is done, where `path` cannot be written or is one of the files that are read."""
     if path.is_dir():
         raise LanelibError(f"{path}: needed the name of a file to write, found a folder; name a file in it")
+    if is_special(path):
+        return
     if not path.parent.is_dir():
         raise LanelibError(f"{path}: needed an existing folder for the output, found none; make {path.parent}")
     if not os.access(path.parent, os.W_OK | os.X_OK):
         raise LanelibError(
             f"{path}: needed a folder with write permission, found none on {path.parent}; choose another"
         )
-    refuse_same(path, sources)
+    refuse_same(path, identities(sources))
 
 
-def refuse_same(out: Path, sources: Iterable[Path]) -> None:
-    """LanelibError where `out` is one of the files that are read."""
-    if out.exists() and any(source.exists() and os.path.samefile(out, source) for source in sources):
+def identities(paths: Iterable[Path]) -> set[tuple[int, int]]:
+    """What the system knows the files by that are there: the same for every link to one."""
+    found = set()
+    for path in paths:
+        with suppress(OSError, ValueError):  # not there, or no name at all: said when its turn comes
+            status = os.stat(path)
+            found.add((status.st_dev, status.st_ino))
+    return found
+
+
+def refuse_same(out: Path, sources: set[tuple[int, int]]) -> None:
+    """LanelibError where `out` is one of the files that are read, given by their `identities`."""
+    if identities([out]) & sources:
         raise LanelibError(
             f"{out}: needed another file for the output than for the input, found the same; choose another -o"
         )
@@ -149,20 +181,29 @@ def video_output(path: Path, given: Path | None) -> Path:
     return _folder_for(path, given, "output_videos") / f"{path.stem}.mp4"
 
 
-def free_name(path: Path, taken: set[Path]) -> Path:
-    """`path`, or NAME-2, NAME-3 … where this run has written that name already."""
+def free_name(path: Path, taken: set[str]) -> Path:
+    """`path`, or NAME-2, NAME-3 … where this run has written that name already.
+
+    `A.jpg` and `a.jpg` count as one name, as on macOS and Windows; `taken` holds the names in small letters.
+    """
     free, n = path, 1
-    while free in taken:
+    while str(free).casefold() in taken:
         n += 1
         free = path.with_name(f"{path.stem}-{n}{path.suffix}")
-    taken.add(free)
+    taken.add(str(free).casefold())
     return free
 
 
+def refuse_one_name(given: Path | None, paths: list[Path], suffixes: Iterable[str], what: str) -> None:
+    """LanelibError where -o names a single picture or video, and there are several (`what`) to write."""
+    if len(paths) > 1 and given is not None and given.suffix.lower() in suffixes and not given.is_dir():
+        raise LanelibError(f"{given}: needed a folder as output of {len(paths)} {what}, found the name of one")
+
+
 def raw_names(paths: list[Path]) -> list[str]:
-    """`raw_file` of each picture: the file's name, or the path as given where several have that name."""
-    names = [path.name for path in paths]
-    return [path.as_posix() if names.count(path.name) > 1 else path.name for path in paths]
+    """`raw_file` of each picture or video: the file's name, or the path as given where several have that name."""
+    count = Counter(path.name for path in paths)
+    return [path.as_posix() if count[path.name] > 1 else path.name for path in paths]
 
 
 def with_folders(paths: Iterable[Path]) -> Iterator[Path]:
@@ -171,7 +212,7 @@ def with_folders(paths: Iterable[Path]) -> Iterator[Path]:
         if not path.is_dir():
             yield path
             continue
-        inside = [p for p in path.iterdir() if p.suffix.lower() in datasets.PICTURE_SUFFIXES and p.is_file()]
+        inside = datasets.pictures_in(path)
         if not inside:
             raise LanelibError(f"{path}: needed a folder with chessboard pictures, found none in it; check the name")
-        yield from sorted(inside, key=lambda p: datasets.natural_key(p.name))
+        yield from inside

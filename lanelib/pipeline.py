@@ -87,6 +87,8 @@ def process_video(
             frames_in += 1
             if on_progress is not None:
                 on_progress(frames_in, expected)
+        if not frames_in:
+            raise LanelibError(_no_frames(reader, start_s, end_s))
     return Summary(reader.info.path, output, frames_in, writer.frames if writer is not None else 0,
                    time.perf_counter() - began, reader.damage)
 
@@ -129,6 +131,12 @@ class ProgressBar:
 def _in_notebook() -> bool:
     ipython = sys.modules.get("IPython")
     return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
+
+
+def _no_frames(reader: FrameReader, start_s: float, end_s: float | None) -> str:
+    until = "the end" if end_s is None else f"{end_s:g} s"
+    lasts = f" of a video of {reader.info.duration_s:.2f} s" if reader.info.duration_s else ""
+    return f"{reader.info.path}: needed frames from {start_s:g} s to {until}{lasts}, found none; choose another section"
 
 
 def _expected(reader: FrameReader, start_s: float, end_s: float | None) -> int:

@@ -80,6 +80,7 @@ def run_video(
     out: Path | None,
     rig: Rig,
     *,
+    raw_file: str | None = None,
     recipe: str = "paint",
     neighbours: int = 0,
     view: str = "overlay",
@@ -90,7 +91,7 @@ def run_video(
     on_progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Summary, Tally]:
     """The lane followed through one video, drawn to `out` (None: nowhere); `write_row` gets a row of each frame, whose
-    `raw_file` is `NAME.mp4:000123`, counted from the begin of the file."""
+    `raw_file` is `NAME.mp4:000123`, counted from the begin of the file (``raw_file``: instead of the name)."""
     info, tally = probe(path), Tally(path.name)
     finder, size_wh = LaneFinder(rig, recipe=recipe, neighbours=neighbours, fps=info.fps), info.size_wh
     even = all(n % 2 == 0 for n in size_wh)
@@ -100,7 +101,7 @@ def run_video(
         result = finder.process_yuv420(frame) if planes else finder.process(frame)
         tally.add(result)
         if write_row is not None:
-            write_row(result.to_row(f"{path.name}:{index:06d}"))
+            write_row(result.to_row(f"{raw_file or path.name}:{index:06d}"))
         if out is None:
             return None
         return draw.overlay_yuv420(frame, result) if planes else picture_of(view, frame, result, finder)
@@ -117,8 +118,6 @@ def run_video(
         preset=preset,
         pixel_format="yuv420p" if planes else "bgr24",
     )
-    if not summary.frames_in:
-        raise LanelibError(f"{path}: needed frames from {start_s:g} s on, found none; choose another section")
     return summary, tally
 
 

@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import chessboards
 import clips
@@ -23,6 +24,7 @@ from lanelib.camera import Camera
 from lanelib.errors import LanelibError
 from lanelib.ffmpeg import probe
 from lanelib.finder import LaneFinder, Rig
+from lanelib.outputs import free_name
 from lanelib.road import CarPose, Road
 from lanelib.simulator import Scene, render_road
 from lanelib.tracking import LaneTracker
@@ -169,6 +171,8 @@ def test_two_pictures_of_one_name_are_both_kept(place, road, capsys):
     out, _ = run("image", "a/x.png", "b/x.png", "--rig", "rig.json", "-o", "out", "--json", "-", capsys=capsys)
     assert [json.loads(line)["raw_file"] for line in out.splitlines()] == ["a/x.png", "b/x.png"]
     assert {p.name for p in Path("out").iterdir()} == {"x.jpg", "x-2.jpg"}
+    refused(capsys, "image", "a/x.png", "b/x.png", "--rig", "rig.json", "-o", "one.jpg", match="needed a folder")
+    assert not Path("one.jpg").exists()
 
 
 def test_input_is_never_overwritten(place, clip, road, capsys):
@@ -181,7 +185,48 @@ def test_input_is_never_overwritten(place, clip, road, capsys):
     refused(capsys, "video", "drive.mp4", *with_rig, "-o", "drive.mp4", match="found the same")
     refused(capsys, "video", "drive.mp4", *with_rig, "-o", "link.mp4", match="found the same")
     refused(capsys, "calibrate", "p.jpg", "-o", "p.jpg", match="found the same")
+    # nor is that of another one, nor what else is read
+    Path("sub").mkdir()
+    Path("sub/drive.mp4").write_bytes(before["drive.mp4"])
+    refused(capsys, "video", "sub/drive.mp4", "drive.mp4", *with_rig, "-o", ".", match="found the same")
+    refused(capsys, "image", "road.png", *with_rig, "-o", "out", "--json", "rig.json", match="found the same")
+    refused(capsys, "video", "drive.mp4", *with_rig, "--no-video", "--json", "rig.json", match="found the same")
+    refused(capsys, "rig", "p.jpg", "--camera", "rig.json", "-o", "rig.json", match="found the same")
+    Path("truth.json").write_text("old")
+    Path("rows.jsonl").touch()
+    refused(capsys, "evaluate", ".", "rows.jsonl", "--json", "truth.json", match="found the same")
+    assert Path("truth.json").read_text() == "old"
     assert {name: Path(name).read_bytes() for name in before} == before
+
+
+def test_names_that_differ_in_capitals_only_are_one_name():
+    taken = set()
+    names = ["out/A.mp4", "out/a.mp4", "out/b.mp4", "out/a.mp4"]
+    assert [free_name(Path(name), taken).name for name in names] == ["A.mp4", "a-2.mp4", "b.mp4", "a-3.mp4"]
+
+
+def test_a_name_too_long_for_the_system_does_not_stop_the_others(place, capsys):
+    Path("out").mkdir()
+    Path("out/road.jpg").write_text("from before")  # so that it is compared with all that is read
+    refused(capsys, "image", f"{'n' * 300}.jpg", "road.png", "--rig", "rig.json", "-o", "out", match="1 of 2", lines=2)
+    assert cv2.imread("out/road.jpg") is not None
+
+
+@pytest.mark.parametrize("command, step", [("image", "write_pictures"), ("video", "run_video")])
+def test_what_the_system_refuses_fails_one_file_only(place, capsys, monkeypatch, command, step):
+    done = []
+
+    def second_time(*args, **_):
+        done.append(args)
+        if len(done) == 1:
+            raise OSError(24, "Too many open files")
+        raise LanelibError("and on it goes")
+
+    monkeypatch.setattr(rigs, "probe", lambda path: SimpleNamespace(size_wh=SIZE_WH))
+    monkeypatch.setattr(commands, step, second_time)
+    names = ["road.png", "road.png"]
+    refused(capsys, command, *names, "--rig", "rig.json", "-o", "out", match="Too many open files", lines=3)
+    assert len(done) == 2
 
 
 @pytest.mark.parametrize("output", ["rig.json/out", "no/such/lanes.jsonl", "."])
@@ -307,6 +352,10 @@ def test_a_section_keeps_the_numbers_of_the_whole(place, clip, capsys):
     assert [json.loads(line)["raw_file"][-6:] for line in out.splitlines()] == [f"{i:06d}" for i in (5, 6, 7, 8)]
     assert not list(place.glob("lanelib_output*"))
     refused(capsys, "video", "drive.mp4", "--rig", "rig.json", "--no-video", "--start", 9, match="0.60 s")
+    for output in (["-o", "out.mp4"], ["--no-video"]):
+        between = ["--start", 0.56, "--end", 0.59]  # the last frame is that of 0.55 s
+        said = "drive.mp4: needed frames from 0.56 s to 0.59 s of a video of 0.60 s, found none"
+        refused(capsys, "video", "drive.mp4", "--rig", "rig.json", *output, *between, match=said)
 
 
 @pytest.mark.parametrize("view", ["diagnostic", "birdseye"])
@@ -317,14 +366,56 @@ def test_other_views(place, clip, view, capsys):
     assert len(pictures) == 3 and pictures[0].std() > 10
 
 
-def test_several_videos_go_to_a_folder(place, clip, capsys):
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_several_videos_go_to_a_folder(place, clip, capsys, jobs):
     Path("other").mkdir()
     Path("other/drive.mp4").write_bytes(clip.read_bytes())
     Path("bad.mp4").write_text("no video")
     names = ["drive.mp4", "bad.mp4", "other/drive.mp4"]
     refused(capsys, "video", *names, "--rig", "rig.json", "-o", "one.mp4", match="needed a folder")
-    refused(capsys, "video", *names, "--rig", "rig.json", "-o", "out", match="bad.mp4", lines=2)
+    options = ["--rig", "rig.json", "-o", "out", "--json", "lanes.jsonl", "--jobs", jobs]
+    refused(capsys, "video", *names, *options, match="bad.mp4", lines=2)
     assert {path.name for path in Path("out").iterdir()} == {"drive.mp4", "drive-2.mp4"}
+    rows = [json.loads(line)["raw_file"] for line in Path("lanes.jsonl").read_text().splitlines()]
+    assert rows == [f"{name}:{i:06d}" for name in ("drive.mp4", "other/drive.mp4") for i in range(12)]
+
+
+def test_jobs_keep_the_rows_of_what_was_begun(place, clip, capsys, monkeypatch):
+    """Ctrl-C while the first of three is waited for."""
+    second_done = threading.Event()
+
+    def one_row(path, out, rig, *, write_row, **_):
+        if path.name == "c.mp4":
+            raise LanelibError("stopped")
+        write_row({"raw_file": f"{path.name}:000000"})
+        if path.name == "a.mp4":
+            second_done.wait(10)
+            raise KeyboardInterrupt
+        second_done.set()
+        raise LanelibError("stopped")
+
+    monkeypatch.setattr(commands, "run_video", one_row)
+    monkeypatch.setattr(rigs, "probe", lambda path: SimpleNamespace(size_wh=SIZE_WH))
+    names = ["a.mp4", "b.mp4", "c.mp4"]
+    _, err = run("video", *names, "--rig", "rig.json", "--no-video", "--json", "l.jsonl", "--jobs", 2, code=130,
+                 capsys=capsys)  # fmt: skip
+    assert "l.partial.jsonl" in err and not Path("l.jsonl").exists()
+    rows = Path("l.partial.jsonl").read_text().splitlines()
+    assert [json.loads(row)["raw_file"][:5] for row in rows] == ["a.mp4", "b.mp4"]
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="counts the open files of Linux")
+def test_many_videos_need_few_open_files(place, capsys):
+    import resource
+
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    names = [f"gone{i}.mp4" for i in range(60)]
+    resource.setrlimit(resource.RLIMIT_NOFILE, (len(os.listdir("/proc/self/fd")) + 30, limits[1]))
+    try:
+        options = ["--rig", "rig.json", "--no-video", "--json", "l.jsonl", "--jobs", 2]
+        refused(capsys, "video", *names, *options, match="60 of 60", lines=61)
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
 
 
 def test_a_truncated_video_is_done_as_far_as_it_goes(place, drive, capsys):
@@ -396,6 +487,7 @@ def test_calibrate_prints_every_board(place, capsys):
     for i, rvec in enumerate([(0.3, 0.2, 0.0), (-0.35, 0.1, 0.1), (0.1, -0.4, -0.1), (0.2, 0.35, 0.2)]):
         cv2.imwrite(f"boards/b{i}.png", chessboards.render(rvec, (0.2 * i - 0.3, 0.1, 12.0), seed=i))
     cv2.imwrite("boards/road.png", cv2.imread("road.png"))
+    Path("boards/._b0.png").write_bytes(b"macOS")
     out, _ = run("calibrate", "boards", "--board", "7x5", "-o", "camera.json", capsys=capsys)
     assert "4 of 5 pictures used" in out and "| road.png" in out and "wrote camera.json" in out and "+-" in out
     assert Camera.load("camera.json").size_wh == chessboards.CAMERA.size_wh
@@ -496,7 +588,11 @@ def test_a_signal_leaves_nothing_behind(place, drive, number, code):
     assert process.returncode == code, err
     assert len(err.splitlines()) == 1 and err.startswith("lanelib: ") and not out
     assert Path("out.mp4").read_text() == "from before"
-    assert {path.name for path in place.iterdir()} == {"long.mp4", "out.mp4", "rig.json", "road.png"}
+    kept = "lanes.partial.jsonl"
+    assert {path.name for path in place.iterdir()} == {"long.mp4", "out.mp4", "rig.json", "road.png", kept}
+    assert err.endswith(f"; the rows so far are in {kept}\n")
+    rows = [json.loads(line) for line in Path(kept).read_text().splitlines()]
+    assert [row["raw_file"] for row in rows] == [f"long.mp4:{i:06d}" for i in range(len(rows))] and rows
     assert not processes_naming(str(place))
 
 

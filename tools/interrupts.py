@@ -172,9 +172,9 @@ def interrupt(name: str, number: signal.Signals, after_s: float, place: Path, se
     lines = err.splitlines()
     good = all(line.startswith("lanelib: ") for line in lines)
     if not late:
-        said = {signal.SIGINT: ["interrupted"], signal.SIGTERM: ["ended by a signal"]}.get(number, [])
-        said = [f"lanelib: {words}; nothing half-written was left" for words in said]
-        good &= process.returncode == CODES[number] and [e for e in lines if "half-written" in e] == said
+        how = {signal.SIGINT: "interrupted", signal.SIGTERM: "ended by a signal"}.get(number)
+        said = [line for line in lines if how and line.startswith(f"lanelib: {how}; ")]
+        good &= process.returncode == CODES[number] and len(said) == (how is not None)
     where = f"{name}, {number.name} after {after_s:.2f} s"
     if not good:
         found.wrong.append(f"{where}: exit code {process.returncode}, said {' / '.join(err.split())[-300:]!r}")
