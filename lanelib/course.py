@@ -6,16 +6,16 @@ undistortion), every picture with all stages, every video, the write-up. Folders
 """
 
 from collections.abc import Iterable
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from lanelib import calibration, datasets, rigs
-from lanelib.errors import LanelibError
+from lanelib.errors import LanelibError, one_line
 from lanelib.evaluate import Evaluation, evaluate, table
 from lanelib.finder import LaneFinder, Rig
 from lanelib.labels import read_rows
-from lanelib.outputs import Console, json_lines, make_folder
+from lanelib.outputs import Console, free_name, json_lines, make_folder
 from lanelib.pictures import read_image, write_bytes
 from lanelib.pipeline import progress_bar
 from lanelib.runs import TALLY_HEAD, Tally, run_video
@@ -110,10 +110,10 @@ def _goes_on(report: Report, console: Console):
     except BrokenPipeError:
         raise
     except LanelibError as error:
-        text = " ".join(str(error).split())
+        text = one_line(error, error)
     except Exception as error:
         report.faults += 1
-        text = f"a fault of lanelib ({type(error).__name__}: {' '.join(str(error).split())}); please report it"
+        text = one_line(f"a fault of lanelib ({type(error).__name__}: {error}); please report it", error)
     report.failures.append(text)
     console.complain(text)
 
@@ -139,7 +139,10 @@ def _rig_of(data_set: datasets.DataSet, report: Report, console: Console) -> Rig
         return Rig.load(data_set.rig_file)
     if data_set.images():
         images = data_set.images()
-        frames = [read_image(images[i]) for i in rigs.spread(len(images), rigs.TRIAL_FRAMES)]
+        frames = []
+        for i in rigs.spread(len(images), rigs.TRIAL_FRAMES):
+            with suppress(LanelibError):  # said when its turn comes
+                frames.append(read_image(images[i]))
         frames = [frame for frame in frames if frame.shape == frames[0].shape]
     else:
         frames = rigs.frames_of_video(data_set.videos()[0])
@@ -154,6 +157,7 @@ def _pictures(data_set: datasets.DataSet, rig: Rig, report: Report, console: Con
     images = data_set.images()
     finder, tally = LaneFinder(rig, track=False), Tally("pictures")
     rows = data_set.output_images / "lanes.jsonl"
+    taken: set[str] = set()
     with json_lines(rows) as write_row, progress_bar(f"{data_set.name} pictures", quiet=console.quiet) as bar:
         for number, path in enumerate(images, 1):
             with _goes_on(report, console):
@@ -162,7 +166,8 @@ def _pictures(data_set: datasets.DataSet, rig: Rig, report: Report, console: Con
                 result = finder.process(frame)
                 tally.add(result)
                 write_row(result.to_row(path.name))
-                write_steps(frame, result, finder, data_set.output_images, path.stem)
+                stem = free_name(Path(f"{path.stem}.jpg"), taken).stem
+                write_steps(frame, result, finder, data_set.output_images, stem)
             bar(number, len(images))
     report.rows.append(tally.row())
     console.note(f"{data_set.name}: {tally.frames} pictures, {tally}; wrote {data_set.output_images}")
@@ -174,9 +179,10 @@ def _pictures(data_set: datasets.DataSet, rig: Rig, report: Report, console: Con
 def _videos(data_set: datasets.DataSet, rig: Rig, preset: str, report: Report, console: Console) -> None:
     """Each video on its own; they do not depend on each other."""
     rows, truth = [], data_set.video_truth()
+    taken: set[str] = set()
     for path in data_set.videos():
         with _goes_on(report, console):
-            out = data_set.output_videos / OVERLAY / f"{path.stem}.mp4"
+            out = free_name(data_set.output_videos / OVERLAY / f"{path.stem}.mp4", taken)
             rigs.check_fits(rig, probe(path).size_wh, path)
             rows.append(out.with_suffix(".jsonl"))
             with json_lines(rows[-1]) as write_row, progress_bar(path.name, quiet=console.quiet) as bar:

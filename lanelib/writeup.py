@@ -9,6 +9,7 @@ from pathlib import Path
 from lanelib.calibration import Calibration
 from lanelib.datasets import DataSet
 from lanelib.evaluate import Evaluation, table
+from lanelib.outputs import free_name
 from lanelib.rig import Rig
 from lanelib.writeup_figures import BEFORE_AFTER, BOARDS, ERRORS, FOLDERS, HARDEST, OVER_TIME, OVERLAY
 
@@ -31,7 +32,7 @@ def write_up(
     and clips got against the set's truth, where it has one."""
     folder = data_set.output_images
     parts = [f"# Lane finding on the set “{data_set.name}”", _about_camera(folder, calibration), _about_rig(rig)]
-    rows = _rows(folder / "lanes.jsonl")
+    rows = _with_stems(_rows(folder / "lanes.jsonl"))
     if rows:
         parts += [_steps(folder, rows), _pictures(rows)]
     overlays = data_set.output_videos / OVERLAY
@@ -44,6 +45,12 @@ def write_up(
 
 def _rows(path: Path) -> list[dict]:
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()] if path.is_file() else []
+
+
+def _with_stems(rows: Sequence[dict]) -> list[dict]:
+    """The rows of pictures, each with the name under which the run wrote it: of a.jpg and a.png the second is a-2."""
+    taken: set[str] = set()
+    return [row | {"stem": free_name(Path(row["raw_file"]).with_suffix(".jpg"), taken).stem} for row in rows]
 
 
 def _about_camera(folder: Path, calibration: Calibration | None) -> str:
@@ -76,7 +83,7 @@ def _about_rig(rig: Rig | None) -> str:
 
 
 def _steps(folder: Path, rows: Sequence[dict]) -> str:
-    names = [Path(row["raw_file"]).stem for row in rows]
+    names = [row["stem"] for row in rows]
     stem = PICTURE_OF_STAGES if PICTURE_OF_STAGES in names else names[0]
     parts = [f"## Step by step: {stem}"]
     for stage, text in STEPS:
@@ -95,7 +102,7 @@ def _steps(folder: Path, rows: Sequence[dict]) -> str:
 
 def _pictures(rows: Sequence[dict]) -> str:
     head = ["picture", "status", "confidence", "radius of curvature", "offset"]
-    body = [[f"[{Path(r['raw_file']).stem}]({Path(r['raw_file']).stem}.jpg)", r["status"], f"{r['confidence']:.2f}",
+    body = [[f"[{r['stem']}]({r['stem']}.jpg)", r["status"], f"{r['confidence']:.2f}",
              _radius(r), _offset(r)] for r in rows]  # fmt: skip
     return "## All pictures, each on its own\n\n" + table([head, *body], left=(0, 1, 3, 4))
 
@@ -129,10 +136,7 @@ def _discussion(rows: Sequence[dict]) -> str:
     doubtful = [r for r in rows if r["status"] != "measured" or r["confidence"] < DOUBTFUL]
     if not doubtful:
         return f"## What is doubtful\n\nNo picture has a confidence below {DOUBTFUL}."
-    lines = [
-        f"- {Path(r['raw_file']).stem}: {r['reason'] or 'little paint'} (confidence {r['confidence']:.2f})"
-        for r in doubtful
-    ]
+    lines = [f"- {r['stem']}: {r['reason'] or 'little paint'} (confidence {r['confidence']:.2f})" for r in doubtful]
     return "## What is doubtful\n\n" + "\n".join(lines)
 
 

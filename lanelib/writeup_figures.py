@@ -13,7 +13,7 @@ from lanelib.calibration import Calibration
 from lanelib.camera import Camera
 from lanelib.errors import LanelibError
 from lanelib.finder import LaneFinder, LaneResult
-from lanelib.outputs import make_folder
+from lanelib.outputs import free_name, make_folder
 from lanelib.pictures import read_image, write_image
 from lanelib.scores import FrameScore
 from lanelib.video import read_frames
@@ -44,23 +44,31 @@ def write_steps(frame: np.ndarray, result: LaneResult, finder: LaneFinder, folde
 
 
 def write_before_after(paths: Sequence[Path], camera: Camera, folder: Path) -> None:
-    """Pictures as given beside undistorted ones, where they have the camera's proportions."""
+    """Pictures as given beside undistorted ones, where they can be read and have the camera's proportions."""
+    taken: set[str] = set()
     for path in paths:
-        frame = read_image(path)
         try:
+            frame = read_image(path)
             fitting = camera.scaled(frame.shape[1::-1])
         except LanelibError:
             continue
         both = np.hstack([frame, fitting.undistort(frame)])
-        write_image(_made(folder / BEFORE_AFTER) / f"{path.stem}.jpg", both)
+        write_image(free_name(_made(folder / BEFORE_AFTER) / f"{path.stem}.jpg", taken), both)
 
 
 def write_boards(paths: Sequence[Path], found: Calibration, folder: Path) -> None:
-    """All boards with their corners, and the error of each."""
-    pictures = [read_image(path) for path in paths]
+    """All boards that can be read with their corners, and the error of each."""
+    pictures = map(_read_or_none, paths)
     into = _made(folder / BOARDS)
     figures.save(figures.boards(pictures, found.boards), into / "corners.jpg")
     figures.save(figures.board_errors(found.boards, rms_px=found.rms_px), into / "errors.png")
+
+
+def _read_or_none(path: Path) -> np.ndarray | None:
+    try:
+        return read_image(path)
+    except LanelibError:  # the calibration has said it
+        return None
 
 
 def write_clip(video: Path, rows: Sequence[dict], truth: Mapping[str, dict], fps: float, folder: Path) -> None:

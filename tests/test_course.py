@@ -113,6 +113,26 @@ def test_one_failure_does_not_stop_the_rest(project):
     assert not (project / "output_images/mine/calibration.json").exists()
 
 
+def test_pictures_of_one_stem_and_unreadable_ones(project):
+    """road0.jpg beside road0.png gets a name of its own; what cannot be read costs neither rig nor figures."""
+    add_boards(project, 4)
+    (project / "camera_cal/mine/a_broken.png").write_text("nothing")
+    (project / "test_images/mine/a_broken.png").write_text("nothing")
+    images = project / "test_images/mine"
+    cv2.imwrite(str(images / "road0.jpg"), cv2.imread(str(images / "road1.png")))
+    (images / "truth.json").unlink()
+    (project / "rigs/mine.json").rename(project / "rigs/other.json")
+    log = Log()
+    assert course.run_course(videos=False, console=log) == 2
+    assert len(log.complaints) == 2 and all("test_images/mine/a_broken.png" in line for line in log.complaints)
+    out = project / "output_images/mine"
+    assert (out / "01_boards/corners.jpg").is_file() and (out / "01_before_after/b0.jpg").is_file()
+    first, second = (cv2.imread(str(out / name)) for name in ("road0.jpg", "road0-2.jpg"))
+    assert abs(first.astype(int) - second).max() > 60 and (out / "04_fit/road0-2.jpg").is_file()
+    page = (out / "WRITEUP.md").read_text()
+    assert "[road0](road0.jpg)" in page and "[road0-2](road0-2.jpg)" in page
+
+
 def test_a_fault_is_told_from_bad_input(project, monkeypatch):
     def fail(*_, **__):
         raise ZeroDivisionError("oh\nno")

@@ -52,11 +52,12 @@ def before_after(before, after, titles=("as the camera gives it", "undistorted")
 @in_style
 def boards(pictures, views, board_wh=(9, 6), *, columns: int = 5) -> Figure:
     """Chessboard pictures (BGR) with their corners and errors, by number; ``views``: `calibration.BoardView`s
-    in the order of the pictures. Unused ones are pale."""
-    pairs = sorted(zip(pictures, views, strict=True), key=lambda pair: natural_order(pair[1].name))
-    figure, axes = picture_grid([picture for picture, _ in pairs], columns=columns, head=0.25)
-    for a, (picture, view) in zip(axes, pairs, strict=True):
-        small, scale = small_picture(picture)
+    in the order of the pictures. Unused ones are pale, a picture that is None is left out."""
+    pairs = zip(pictures, views, strict=True)
+    shown = [(*small_picture(picture), view) for picture, view in pairs if picture is not None]
+    shown.sort(key=lambda one: natural_order(one[-1].name))
+    figure, axes = picture_grid([small for small, _, _ in shown], columns=columns, head=0.25)
+    for a, (small, scale, view) in zip(axes, shown, strict=True):
         if view.corners_px is not None:
             small = draw.draw_corners(small, (view.corners_px + 0.5) * scale - 0.5, view.corners_wh or board_wh)
         put_picture(a, small if view.used else cv2.addWeighted(small, 0.5, np.full_like(small, 255), 0.5, 0))
