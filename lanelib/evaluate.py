@@ -1,7 +1,8 @@
 """Predictions against labels or truth: the scores of every frame, by tag and by clip, as tables."""
 
 import math
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -97,21 +98,26 @@ def evaluate(labels: str | Path, predictions: str | Path) -> Evaluation:
 
 
 def score(labels: Mapping[str, dict], predictions: Mapping[str, dict], camera: Camera | None = None) -> Evaluation:
-    """The same of rows by `raw_file`. Names match whole, else by the file's name alone where that is unique."""
+    """The same of rows by `raw_file`. Names match whole, else by the file's name alone where one label and one
+    prediction have it."""
     if labels and all("rvec" in row for row in labels.values()):
         raise LanelibError("evaluate: needed labels of lanes, found the truth of chessboards; name another file")
-    by_name: dict[str, dict | None] = {}
-    for name, row in predictions.items():
-        by_name[Path(name).name] = None if Path(name).name in by_name else row
-    frames = tuple(
-        frame_score(row, predictions.get(name) or by_name.get(Path(name).name), camera) for name, row in labels.items()
-    )
-    if not any(name in predictions or by_name.get(Path(name).name) for name in labels):
+    ours, theirs = _by_last_part(labels), _by_last_part(predictions)
+    partners = {last: theirs[last] for last in ours.keys() & theirs.keys()}
+    found = [predictions.get(name) or predictions.get(partners.get(Path(name).name)) for name in labels]
+    if not any(found):
         raise LanelibError(
             f"evaluate: needed predictions for the labelled frames (such as {next(iter(labels), '')!r}), "
             f"found others (such as {next(iter(predictions), '')!r}); are these the same pictures?"
         )
+    frames = tuple(frame_score(row, other, camera) for row, other in zip(labels.values(), found, strict=True))
     return Evaluation(frames, pixel_score(frames), camera is not None)
+
+
+def _by_last_part(names: Iterable[str]) -> dict[str, str]:
+    """Names by their last part, where no other ends in the same."""
+    n = Counter(Path(name).name for name in names)
+    return {Path(name).name: name for name in names if n[Path(name).name] == 1}
 
 
 def table(rows: list[list[str]], *, left: tuple[int, ...] = (0,)) -> str:

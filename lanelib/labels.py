@@ -1,7 +1,7 @@
 """Labels and predictions of lanes: JSON lines in the TuSimple layout, or a `truth.json`.
 
 One object per frame: {"raw_file": NAME, "h_samples": [y, ...], "lanes": [[x, ...], [x, ...]]}: left and right boundary
-of the ego lane in pixels of the frame as given, -2 where a line is not seen; more keys may follow.
+of the ego lane in pixels of the frame as given, -2 where a line is not seen; more keys may follow. A frame stands once.
 """
 
 import json
@@ -14,7 +14,7 @@ import numpy as np
 from lanelib.camera import Camera
 from lanelib.errors import LanelibError
 from lanelib.pictures import read_text
-from lanelib.truth import load_truth, load_truth_camera
+from lanelib.truth import LARGEST, check_tags, load_truth, load_truth_camera
 
 MAX_FILE_BYTES = 500_000_000  # half a million frames; more is not a file of predictions
 
@@ -40,7 +40,10 @@ def read_rows(path: str | Path) -> dict[str, dict]:
         except (ValueError, KeyError, TypeError, RecursionError) as error:
             what = f"{error.args[0]!r} is missing" if isinstance(error, KeyError) else error
             raise LanelibError(f"{path}:{number}: needed an object with raw_file, h_samples, lanes: {what}") from None
-        rows[row["raw_file"]] = row
+        if rows.setdefault(row["raw_file"], row) is not row:
+            raise LanelibError(
+                f"{path}:{number}: needed one line for each frame, found {row['raw_file']!r} again; leave one out"
+            )
     if not rows:
         raise LanelibError(f"{path}: needed at least one line of JSON, found an empty file; check the name")
     return rows
@@ -73,15 +76,16 @@ def _check_row(row: dict) -> None:
     size = _finite(row.get("size", [1280, 720]))
     if len(size) != 2 or not size.min() > 0:
         raise ValueError("found a size that is not [width, height]")
-    for key in ("offset_m", "curvature_1pm", "lane_width_m"):
-        if row.get(key) is not None and not (isinstance(row[key], int | float) and math.isfinite(row[key])):
-            raise ValueError(f"found {key} that is no number")
+    for key in ("offset_m", "curvature_1pm", "lane_width_m", "time_s"):
+        if row.get(key) is not None and not (isinstance(row[key], int | float) and abs(row[key]) < LARGEST):
+            raise ValueError(f"found {key} that is no number below {LARGEST:.0e}")
+    check_tags(row)
 
 
 def _finite(values: list) -> np.ndarray:
-    array = np.asarray(values, float)
-    if array.ndim != 1 or not np.isfinite(array).all():
-        raise ValueError("found something else than a list of finite numbers")
+    array = np.asarray(values)
+    if array.ndim != 1 or array.dtype.kind not in "iuf" or not (np.abs(array.astype(float)) < LARGEST).all():
+        raise ValueError(f"found something else than a list of finite numbers, below {LARGEST:.0e}")
     return array
 
 

@@ -99,7 +99,7 @@ def frame_score(label: Mapping, prediction: Mapping | None, camera: Camera | Non
         "has_lane": bool(label["lanes"]),
         "claimed": claimed,
         "errors_px": errors,
-        "time_s": label.get("time_s", NAN),
+        "time_s": NAN if label.get("time_s") is None else label["time_s"],
         "clip": clip if clip and frame.isdigit() else "",
     }
     if camera is None or not label["lanes"] or "lanes_road_m" not in label:

@@ -1,7 +1,6 @@
 """The exact truth beside rendered pictures: `truth.json`, read and checked (format: docs/ARCHITECTURE.md, Files)."""
 
 import json
-import math
 from pathlib import Path, PurePosixPath
 
 from lanelib.errors import LanelibError
@@ -10,7 +9,9 @@ from lanelib.pictures import read_text
 FORMAT = "lanelib-truth/1"
 MAX_BYTES = 200_000_000
 """A larger file is refused: ten times the truth of the longest shipped clips (about 20 kB a frame, 1,000 frames)."""
+LARGEST = 1e9  # no picture has so many pixels and no road so many metres
 _NUMBERS = ("curvature_1pm", "offset_m", "lane_width_m")
+_MOUNTING = ("height_m", "pitch_deg", "roll_deg", "yaw_deg")
 
 
 def load_truth(folder: Path | str) -> dict[str, dict]:
@@ -19,7 +20,9 @@ def load_truth(folder: Path | str) -> dict[str, dict]:
     Each value is the JSON object as it stands there, after these checks: names are inside the folder and stand
     once; a frame's `lanes` are none or two, each as long as `h_samples`, of finite numbers; `visible`, where
     given, has their shape and holds 0 and 1; a frame with lanes has `radius_m` (positive, or null: straight),
-    `curvature_1pm`, `offset_m` and `lane_width_m`; a board has `rvec`, `tvec`, `square_m` and `board_wh`.
+    `curvature_1pm`, `offset_m` and `lane_width_m`, and with `lanes_road_m`, two lines of points, `heading_rad` and
+    `mounting`; `time_s`, where given, is a number, `tags` are words; a board has `rvec`, `tvec`, `square_m` and
+    `board_wh`.
 
     Raises LanelibError naming the file, the entry and what is wrong with it.
     """
@@ -108,8 +111,34 @@ def _check_frame(frame: dict) -> None:
             raise ValueError("radius_m must be positive, or null where the road is straight")
         if not frame["lane_width_m"] > 0:
             raise ValueError("lane_width_m must be positive")
-    if not all(isinstance(tag, str) for tag in frame.get("tags", [])):
-        raise ValueError("tags must be words")
+        if "lanes_road_m" in frame:
+            _check_road(frame)
+    if "time_s" in frame:
+        _numbers([frame["time_s"]], "time_s")
+    check_tags(frame)
+
+
+def _check_road(frame: dict) -> None:
+    """What the metres of a frame are measured with."""
+    lines = frame["lanes_road_m"]
+    if not isinstance(lines, list) or len(lines) != 2 or not all(isinstance(line, list) for line in lines):
+        raise ValueError("lanes_road_m must be [left, right]")
+    for point in (*lines[0], *lines[1]):
+        _numbers(point, "a point of lanes_road_m", length=2)
+    _numbers([frame["heading_rad"]], "heading_rad")
+    mounting = frame["mounting"]
+    if not isinstance(mounting, dict) or not set(mounting) <= set(_MOUNTING):
+        raise ValueError(f"mounting must be of {', '.join(_MOUNTING)}")
+    _numbers(list(mounting.values()), "mounting")
+    if not mounting["height_m"] > 0:
+        raise ValueError("height_m must be positive")
+
+
+def check_tags(frame: dict) -> None:
+    """ValueError where the `tags` of a frame, if it has any, are no list of words."""
+    tags = frame.get("tags", [])
+    if not isinstance(tags, list) or not all(isinstance(tag, str) for tag in tags):
+        raise ValueError("tags must be a list of words")
 
 
 def _check_board(board: dict) -> None:
@@ -122,6 +151,6 @@ def _check_board(board: dict) -> None:
 def _numbers(values: list, what: str, length: int | None = None) -> list[float]:
     if not isinstance(values, list) or (length is not None and len(values) != length):
         raise ValueError(f"{what} must be a list" + ("" if length is None else f" of {length} numbers"))
-    if not all(isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v) for v in values):
-        raise ValueError(f"{what} must be finite numbers")
+    if not all(isinstance(v, int | float) and not isinstance(v, bool) and abs(v) < LARGEST for v in values):
+        raise ValueError(f"{what} must be finite numbers, below {LARGEST:.0e}")
     return values

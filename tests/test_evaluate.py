@@ -120,6 +120,13 @@ def test_names_match_whole_before_their_last_part():
     assert score({"20.jpg": row("20.jpg")}, {"x/20.jpg": row("x/20.jpg")}).pixels.tusimple == 1
 
 
+def test_a_prediction_is_of_one_frame_only():
+    labels = {name: row(name) for name in ("one/20.jpg", "two/20.jpg")}
+    assert [f.claimed for f in score(labels, {"one/20.jpg": row("one/20.jpg")}).frames] == [True, False]
+    with pytest.raises(LanelibError, match="same pictures"):
+        score(labels, {"20.jpg": row("20.jpg")})  # of which of the two?
+
+
 # ---------------------------------------------------------------------------------------------- metres
 ROADS = {
     "straight": Road([0], [0.0]),
@@ -293,6 +300,18 @@ BAD = {
     "not finite": ('{"raw_file": "a", "h_samples": [1], "lanes": [[NaN]]}\n', "not a number"),
     "too large": ('{"raw_file": "a", "h_samples": [1], "lanes": [[1e999]]}\n', "finite"),
     "bad size": ('{"raw_file": "a", "h_samples": [1], "lanes": [[1]], "size": [0, 1]}\n', "size"),
+    "digits without end": (f'{{"raw_file": "a", "h_samples": [1{"0" * 400}], "lanes": []}}\n', "finite"),
+    "offset without end": (
+        f'{{"raw_file": "a", "h_samples": [], "lanes": [], "offset_m": 1{"0" * 400}}}\n',
+        "offset_m that is no number",
+    ),
+    "words for numbers": ('{"raw_file": "a", "h_samples": [], "lanes": [], "size": ["9", "5"]}\n', "finite numbers"),
+    "too far": ('{"raw_file": "a", "h_samples": [1], "lanes": [[1e12]]}\n', "below 1e"),
+    "bad time": ('{"raw_file": "a", "h_samples": [], "lanes": [], "time_s": "abc"}\n', "time_s that is no number"),
+    "one tag": ('{"raw_file": "a", "h_samples": [], "lanes": [], "tags": "rain"}\n', "list of words"),
+    "a number of tags": ('{"raw_file": "a", "h_samples": [], "lanes": [], "tags": 5}\n', "list of words"),
+    "tags of two kinds": ('{"raw_file": "a", "h_samples": [], "lanes": [], "tags": [1, "a"]}\n', "list of words"),
+    "twice": ('{"raw_file": "a", "h_samples": [], "lanes": []}\n' * 2, r"rows\.jsonl:2: .* found 'a' again"),
     "bad offset": ('{"raw_file": "a", "h_samples": [1], "lanes": [[1]], "offset_m": "x"}\n', "offset_m"),
     "second line": ('{"raw_file": "a", "h_samples": [], "lanes": []}\n{\n', r"rows\.jsonl:2"),
 }
@@ -331,7 +350,15 @@ JSON = st.recursive(
 @given(
     content=st.fixed_dictionaries(
         {"raw_file": st.just("a") | JSON, "h_samples": JSON, "lanes": JSON},
-        optional={"size": JSON, "extrap": JSON, "offset_m": JSON, "curvature_1pm": JSON, "lane_width_m": JSON},
+        optional={
+            "size": JSON,
+            "extrap": JSON,
+            "offset_m": JSON,
+            "curvature_1pm": JSON,
+            "lane_width_m": JSON,
+            "time_s": JSON,
+            "tags": JSON,
+        },
     )
 )
 def test_any_json_is_scored_or_refused(tmp_path_factory, content):
@@ -343,4 +370,4 @@ def test_any_json_is_scored_or_refused(tmp_path_factory, content):
         return
     for name, prediction in rows.items():
         frame_score(truth_of() | {"raw_file": name}, prediction, CAMERA)
-        pixel_score([frame_score(prediction, prediction)])
+        assert str(score({name: prediction}, rows))

@@ -18,6 +18,10 @@ FRAME = {
     "curvature_1pm": 0.0,
     "offset_m": -0.31,
     "lane_width_m": 3.5,
+    "lanes_road_m": [[[-1.4, 5.0], [-1.4, 10.0]], [[2.1, 5.0], [2.1, 10.0]]],
+    "heading_rad": 0.01,
+    "mounting": {"height_m": 1.2, "pitch_deg": 2.0, "roll_deg": 0.0, "yaw_deg": -1.0},
+    "time_s": 0.48,
     "tags": ["rain"],
 }
 EMPTY = {"raw_file": "no_markings.jpg", "h_samples": [], "lanes": [], "visible": [], "radius_m": None}
@@ -67,6 +71,15 @@ def test_boards_by_name(tmp_path):
         ({"offset_m": None}, "finite numbers"),
         ({"curvature_1pm": 1e999}, "not a number|finite"),
         ({"tags": [1]}, "words"),
+        ({"tags": "rain"}, "list of words"),
+        ({"tags": 5}, "list of words"),
+        ({"time_s": "abc"}, "time_s must be finite numbers"),
+        ({"offset_m": 10**400}, "finite numbers, below 1e"),
+        ({"lanes_road_m": 3}, r"\[left, right\]"),
+        ({"lanes_road_m": [[[0, 1]], [[2]]]}, "list of 2 numbers"),
+        ({"mounting": {}}, "'height_m' is missing"),
+        ({"mounting": {"height_m": 0}}, "height_m must be positive"),
+        ({"mounting": {"height_m": 1.2, "tilt": 3}}, "mounting must be of height_m"),
     ],
 )
 def test_each_wrong_value_is_named(tmp_path, changes, says):
@@ -76,7 +89,7 @@ def test_each_wrong_value_is_named(tmp_path, changes, says):
     assert "\n" not in str(caught.value) and "truth.json" in str(caught.value)
 
 
-@pytest.mark.parametrize("key", sorted(FRAME.keys() - {"visible", "tags"}))
+@pytest.mark.parametrize("key", sorted(FRAME.keys() - {"visible", "lanes_road_m", "time_s", "tags"}))
 def test_each_missing_key_is_named(tmp_path, key):
     frame = copy.deepcopy(FRAME)
     del frame[key]
