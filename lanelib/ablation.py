@@ -60,7 +60,7 @@ class FlatRoadFinder(LaneFinder):
 
     def reset(self) -> None:
         """Forget what was seen so far."""
-        self.tracker = FlatRoadTracker(smoothing=self.tracker.smoothing)
+        self.tracker = FlatRoadTracker(smoothing=self.tracker.smoothing, fps=self.tracker.fps)
 
 
 @dataclass(frozen=True)

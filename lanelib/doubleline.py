@@ -12,7 +12,6 @@ import numpy as np
 from lanelib.birdseye import Grid
 from lanelib.jointfit import JointFit, distance, line_x
 
-# half the width of one painted line; the width from which a stripe is two lines with a gap
 SINGLE_LINE_M = 0.12  # one painted line; the middle of the inner one lies half of it within the stripe's edge
 # stripes of this width are two lines; a worn single one comes out up to 0.23 m
 DOUBLE_FROM_M, DOUBLE_TO_M = 0.25, 0.55

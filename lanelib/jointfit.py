@@ -194,11 +194,6 @@ def distance(inverse, mean, height_m):
     return 1 / inverse_distance(inverse, mean, height_m)
 
 
-def bearing_std(points: Points) -> np.ndarray:
-    """Standard deviation of each point's bearing: pixels of the frame and ragged paint."""
-    return points.std
-
-
 def landmarks(means) -> np.ndarray:
     """By which lanes (..., 7) are told apart: x of left and right line at 6 m and at 20 m, (..., 4)."""
     return line_x(np.array([6.0, 6.0, 20.0, 20.0]), np.moveaxis(means, -1, 0)[..., None], np.array([-1, 1, -1, 1]))

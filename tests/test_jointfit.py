@@ -21,7 +21,6 @@ from lanelib.jointfit import (
     UNKNOWN_ROAD,
     WIDTH,
     Prior,
-    bearing_std,
     differ,
     distance,
     energy_of,
@@ -108,7 +107,7 @@ def test_the_information_is_that_of_numeric_derivatives(lane):
             y = exact_distance(p.inverse, moved, p.height_m)
             ends.append(np.where(side_of_point > 0, moved.x(y, 1), moved.x(y, -1)) / y)
         jacobian[:, i] = (ends[1] - ends[0]) / (2e-4 * STD[i])
-    weight = p.weight / NEIGHBOURS / bearing_std(p) ** 2
+    weight = p.weight / NEIGHBOURS / p.std ** 2
     expected = (jacobian * weight[:, None]).T @ jacobian
     scale = np.sqrt(np.diag(expected))
     np.testing.assert_allclose(information / np.outer(scale, scale), expected / np.outer(scale, scale), atol=2e-4)
@@ -262,7 +261,7 @@ def test_the_covariance_covers_the_scatter():
     p = points_on_lane(WINDING)
     found = []
     for _ in range(60):
-        scattered = p.bearing + rng.normal(0, 1, len(p)) * bearing_std(p)
+        scattered = p.bearing + rng.normal(0, 1, len(p)) * p.std
         found.append(fit(points(scattered, p.inverse, p.row, p.weight, 1100.0, 1.3), WINDING.mean, prior=NO_PRIOR))
     scatter = np.std([f.mean for f in found], axis=0)
     said = np.sqrt(np.mean([np.diag(f.covariance) for f in found], axis=0))

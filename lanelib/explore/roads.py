@@ -20,7 +20,7 @@ from lanelib.road import CarPose, Marking, Mounting, Road
 from lanelib.scores import frame_score
 from lanelib.simulator import Scene, render_road
 
-SIZE_WH = (480, 270)  # 30 ms a picture; the finder looks at 385 x 136 of it anyway
+SIZE_WH = (480, 270)  # 30 ms a picture; the finder looks at 301 x 112 points of it anyway
 LANE_M = 3.66
 SHADE_M = ((8.0, 26.0),)
 CONCRETE_M = ((15.0, 60.0),)
