@@ -41,7 +41,7 @@ from lanelib.lane import Lane
 from lanelib.roadmemory import RoadMemory
 
 FPS = 25.0  # every number of frames, and every share of a frame, below is for so many frames a second
-LEAST_PACE, MOST_PACE = 0.1, 5.0  # rates above 250 and below 5 frames a second are taken for these
+LEAST_PACE, MOST_PACE = 0.1, 5.0  # the model takes rates above 250 and below 5 frames a second for these
 # How far each number departs from its prediction: standard deviation of a step from frame to frame at 25 frames a
 # second. Centre: 0.4 m/s sideways; heading: 0.09 radians a second; bend: from straight to R 60 m in a second; rate: by
 # its memory, below; width: 0.2 m/s; pitch: 6 degrees a second over bumps. A third or three times of these do as
@@ -97,7 +97,8 @@ class LaneTracker:
     Use: ``prior = tracker.predict()``; fit the frame under it; ``event = tracker.update(fit)`` or
     ``tracker.update(None, "why")``; the smoothed lane is ``tracker.shown`` (None when there is none). ``tracker.fit``
     is what the next prediction starts from. ``fps``: frames a second; ``hold_frames``: for how many a lost lane is
-    held, by default half a second's. Raises LanelibError for an unknown smoothing, and for a rate not above 0.
+    held, by default half a second's, but one at least. Raises LanelibError for an unknown smoothing, and for a rate not
+    above 0.
     """
 
     def __init__(
@@ -128,7 +129,8 @@ class LaneTracker:
             fps,
             min(max(FPS / fps, LEAST_PACE), MOST_PACE),
         )  # pace: frames of the model in one of ours
-        self.hold_frames = round(HOLD_FRAMES / self.pace) if self._hold_frames is None else self._hold_frames
+        half_a_second = max(round(HOLD_FRAMES * fps / FPS), 1)  # of real time, whatever the model takes the rate for
+        self.hold_frames = half_a_second if self._hold_frames is None else self._hold_frames
         self.step_std = self._step_std * np.sqrt(self.pace)
         self._drifts = DRIFTS**self.pace
         self._alpha, self._beta = 1 - (1 - ALPHA) ** self.pace, 1 - (1 - BETA) ** self.pace

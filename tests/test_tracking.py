@@ -142,6 +142,11 @@ def test_the_rate_may_change_and_nothing_is_forgotten():
     assert LaneTracker(hold_frames=7, fps=10).hold_frames == 7
 
 
+@pytest.mark.parametrize("fps, frames", [(1, 1), (2, 1), (3, 1), (30, 14), (60, 29), (1000, 480)])
+def test_a_lane_is_held_for_half_a_second_at_any_rate(fps, frames):
+    assert LaneTracker(fps=fps).hold_frames == frames
+
+
 @pytest.mark.parametrize("hold_frames", [0, 3, HOLD_FRAMES])
 def test_a_lane_is_held_for_so_long_and_then_forgotten(hold_frames):
     tracker = LaneTracker(hold_frames=hold_frames)
