@@ -223,22 +223,28 @@ def find_rig(
     if dash_period_m is not None:
         if not assumed:
             raise LanelibError("a calibrated camera has its focal length, found a dash period too; give one of the two")
+        _check_measured(dash)
         for _ in range(3):  # the fit's own noise shifts with the focal length: twice is enough, the third shows it
-            if not dash:
-                raise LanelibError(
-                    f"the focal length needs dashes to measure, found {dash.reason}; give frames with a dashed line"
-                )
             camera = Camera.ideal(
                 camera.size_wh, focal_px=camera.camera_matrix[0, 0] * dash_period_m / (dash.period_m * scale)
             )
             rig, used = refined(rig_at(camera, vanishing_point(rig), rig.mounting["height_m"], name), frames, rounds=2)
             dash = dash_period(rig, frames)
+            _check_measured(dash)
         focal_std = float(camera.camera_matrix[0, 0] * dash.std_m / dash.period_m)
     dash = replace(dash, period_m=dash.period_m * scale, std_m=dash.std_m * scale)
     rig = replace(
         rig, birdseye=replace(rig.birdseye, road_from_image=np.diag([scale, scale, 1]) @ rig.birdseye.road_from_image)
     )
     return _estimate(rig, used, frames, dash, focal_std, lane_width_m, assumed, dash_period_m)
+
+
+def _check_measured(dash: DashPeriod) -> None:
+    """LanelibError where there is no dash period to take the focal length from."""
+    if not dash:
+        raise LanelibError(
+            f"the focal length needs dashes to measure, found {dash.reason}; give frames with a dashed line"
+        )
 
 
 def _usable(frames_bgr, camera, lane_width_m, hfov_deg):

@@ -13,7 +13,7 @@ from roads import rig_of_scene
 from lanelib import autorig
 from lanelib.autorig import find_rig
 from lanelib.camera import Camera
-from lanelib.dashes import dash_period
+from lanelib.dashes import DashPeriod, dash_period
 from lanelib.errors import LanelibError
 from lanelib.finder import LaneFinder
 from lanelib.result import line_at_rows
@@ -228,6 +228,13 @@ def test_a_calibrated_focal_length_is_not_overruled_and_none_comes_from_solid_li
     solid = replace(a_scene, right=Marking(LANE_M / 2), others=())
     with pytest.raises(LanelibError, match="no dashed line"):
         find_rig(pictures(solid), dash_period_m=14.63)
+
+
+def test_the_dashes_must_be_seen_to_the_end(monkeypatch):
+    looks = iter([DashPeriod(12.2, 0.2, 1)] * 3 + [DashPeriod(reason="no dashed line was clear enough")])
+    monkeypatch.setattr(autorig, "dash_period", lambda rig, frames: next(looks))
+    with pytest.raises(LanelibError, match="needs dashes to measure, found no dashed line"):
+        find_rig(pictures(scene(Mounting(1.4, 2.0), lens=(0,) * 5)), dash_period_m=12.19)
 
 
 # ------------------------------------------------------------------ the real road
