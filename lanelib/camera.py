@@ -257,7 +257,7 @@ def _numbers(value, shape: tuple[int, ...], what: str) -> np.ndarray:
     """A read-only float64 copy of that shape with finite numbers."""
     try:
         array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise LanelibError(f"camera: need {what} as {shape or 'one'} numbers, found {_short(value)}") from None
     if array.shape != shape:
         raise LanelibError(f"camera: need {what} of shape {shape}, found {array.shape}")

@@ -212,6 +212,7 @@ GOOD = ODD.to_dict()
         json.dumps(GOOD | {"distortion": [0, 0, 0, 0]}),
         json.dumps(GOOD | {"distortion": [0, 0, 0, 0, float("inf")]}),
         json.dumps(GOOD | {"distortion": {"k1": 3}}),
+        json.dumps(GOOD | {"distortion": [0, 0, 0, 0, 10**400]}),
         json.dumps(GOOD | {"rms_px": "small"}),
         json.dumps(GOOD | {"std": {"hx": 1}}),
         json.dumps(GOOD | {"std": [1, 2]}),
