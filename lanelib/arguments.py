@@ -18,6 +18,11 @@ RIG_HELP = (
     "lanes are found most confidently and with the least strain. Which one it was is said. Make one for your own "
     "camera with `lanelib rig`."
 )
+EXIT_HELP = textwrap.fill(
+    "`lanelib COMMAND --help` says more, with examples. Exit codes: 0 done, 1 a fault of lanelib, 2 some input could "
+    "not be used (one line on stderr says which and why), 130 interrupted, 141 nobody read on, 143 ended by a signal.",
+    HELP_WIDTH,
+)
 OVERWRITE_HELP = (
     "A file that is there is replaced, and only when the new one is complete. A name that begins with a dash goes "
     "after `--`."
@@ -40,9 +45,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser = Parser(
         prog="lanelib",
         description="Classical lane finding on dash-cam pictures and videos.",
-        epilog="Example:\n  lanelib image test_images/udacity/*.jpg -o out --stages\n\n"
-        "`lanelib COMMAND --help` says more, with examples. Exit codes: 0 done, 2 some input could not be used "
-        "(one line on stderr says which and why), 130 interrupted.",
+        epilog=f"Example:\n  lanelib image test_images/udacity/*.jpg -o out --stages\n\n{EXIT_HELP}",
     )
     parser.add_argument("--version", action="version", version=f"lanelib {_version()}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=Parser)
@@ -274,8 +277,7 @@ def _rig_and_recipe(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--neighbours",
         action="store_true",
-        help="also the lanes beside the ego lane, where their far boundary is painted and seen: drawn thin and purple, "
-        "in --json after the ego lane's two lines",
+        help="also the lanes beside the ego lane, where their far boundary is painted and seen: drawn thin and purple",
     )
 
 
@@ -293,7 +295,8 @@ def _json(p: argparse.ArgumentParser) -> None:
         "--json",
         type=_path,
         metavar="FILE|-",
-        help="results as JSON lines in the TuSimple layout (-: on stdout, which then carries nothing else)",
+        help="results as JSON lines in the TuSimple layout (-: on stdout, which then carries nothing else); with "
+        "--neighbours their lines follow the ego lane's two",
     )
 
 

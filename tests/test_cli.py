@@ -105,6 +105,15 @@ def test_the_list_of_commands_is_complete(capsys):
     assert run("--version", capsys=capsys)[0].startswith("lanelib ")
 
 
+def test_help_tells_every_exit_code_and_no_option_of_another_command(capsys):
+    out, _ = run("--help", capsys=capsys)
+    codes = (cli.OK, cli.FAULT, cli.BAD_INPUT, cli.INTERRUPTED, cli.TERMINATED, cli.BROKEN_PIPE)
+    assert all(f" {code} " in out for code in codes)
+    for command in COMMANDS:
+        usage, *rest = run(command, "--help", capsys=capsys)[0].split("\n\n", 1)
+        assert ("--json" in rest[0]) == ("--json" in usage)
+
+
 @pytest.mark.parametrize("arguments, match", [
     ([], "COMMAND"), (["foo"], "'foo'"), (["image"], "PICTURES"), (["image", "x", "--rg", "y"], "--rg"),
     (["video", "x", "--start", "-1"], "from 0"), (["video", "x", "--end", "nan"], "needed a number"),
