@@ -6,7 +6,6 @@ boards, tilted in different ways, up to the edges of the frame; so a board the f
 """
 
 import json
-import re
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -18,6 +17,7 @@ import numpy as np
 from lanelib.camera import ASPECT_TOLERANCE, INTRINSICS, Camera
 from lanelib.chessboard import check_board_wh, find_board
 from lanelib.errors import LanelibError
+from lanelib.names import natural_key
 from lanelib.pictures import read_image, write_bytes
 
 MIN_BOARDS = 3  # two views give Zhang's equations just enough; the third is the first that can contradict them
@@ -201,7 +201,7 @@ def _images(pictures):
         pictures = [path for path in folder.iterdir() if path.suffix.lower() in (".jpg", ".jpeg", ".png", ".bmp")]
         if not pictures:
             raise LanelibError(f"{folder}: need chessboard pictures (.jpg, .png or .bmp), found none; check the folder")
-        pictures.sort(key=lambda path: [int(t) if t.isdigit() else t for t in re.split(r"(\d+)", path.name)])
+        pictures.sort(key=lambda path: natural_key(path.name))
     elif not isinstance(pictures, Iterable):
         raise LanelibError(f"calibrate: need pictures of a chessboard, found {type(pictures).__name__}")
     for picture in pictures:

@@ -12,12 +12,12 @@ first, and their results are written beside them.
 """
 
 import os
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from lanelib.errors import LanelibError
+from lanelib.names import natural_key
 from lanelib.truth import load_truth
 
 INPUTS = ("camera_cal", "test_images", "test_videos")
@@ -166,16 +166,6 @@ def tagged(truth: Mapping[str, dict], *tags: str) -> list[str]:
     ['a.jpg', 'b.jpg']
     """
     return [name for name, frame in truth.items() if set(tags) <= set(frame.get("tags", ()))]
-
-
-def natural_key(name: str) -> list[str | int]:
-    """A sort key under which `test2` comes before `test10`.
-
-    >>> sorted(["test10.jpg", "a.jpg", "test2.jpg"], key=natural_key)
-    ['a.jpg', 'test2.jpg', 'test10.jpg']
-    """
-    # Splitting at a group puts the digits at the odd places, so texts meet texts and numbers numbers.
-    return [int(part) if i % 2 else part for i, part in enumerate(re.split(r"([0-9]+)", name))]
 
 
 def _project() -> Path:

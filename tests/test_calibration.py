@@ -102,7 +102,7 @@ def test_pictures_that_cannot_be_used_are_listed_with_the_reason(tmp_path, pictu
         write_image(folder / f"b{i}.png", frame)
     write_image(folder / "b20.png", pictures[0][1])  # again
     write_image(folder / "b21.png", np.full((390, 660), 99, np.uint8))
-    (folder / "b22.jpg").write_bytes(b"")
+    (folder / "²2.jpg").write_bytes(b"")
     write_image(folder / "b23.png", np.pad(pictures[3][1], ((0, 1), (0, 1)), mode="edge")[:, :, None])
     write_image(folder / "b24.png", cv2.resize(render(*POSES[4], seed=99), (1320, 780), interpolation=cv2.INTER_CUBIC))
     write_image(folder / "b25.png", pictures[5][1][:, 120:])
@@ -116,7 +116,7 @@ def test_pictures_that_cannot_be_used_are_listed_with_the_reason(tmp_path, pictu
     assert Counter(board.used for board in result.boards) == {True: len(POSES) + 1, False: 6}
     assert boards["b20.png"].reason == "the same picture as b0.png"
     assert "no 7x5 board" in boards["b21.png"].reason
-    assert "empty" in boards["b22.jpg"].reason and str(tmp_path) not in boards["b22.jpg"].reason
+    assert "empty" in boards["²2.jpg"].reason and str(tmp_path) not in boards["²2.jpg"].reason
     # b23 is picture 3 with a column and a row more: the same corners, so a repetition.
     assert boards["b23.png"].reason == "the same picture as b3.png"
     assert boards["b24.png"].used and "1320x780, scaled to 660x390" in boards["b24.png"].reason

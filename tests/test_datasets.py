@@ -105,9 +105,3 @@ def test_tags():
     truth = {"a": {"tags": ["rain", "night"]}, "b": {"tags": ["rain"]}, "c": {}}
     assert datasets.tagged(truth, "rain", "night") == ["a"]
     assert datasets.tagged(truth) == ["a", "b", "c"]
-
-
-def test_natural_order():
-    names = ["test10", "test2", "2", "10", "a2b10", "a2b9", "test", "²"]
-    ordered = sorted(names, key=datasets.natural_key)
-    assert ordered == ["2", "10", "a2b9", "a2b10", "test", "test2", "test10", "²"]

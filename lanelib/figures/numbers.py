@@ -11,14 +11,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lanelib.draw import PALETTE, SERIES
-from lanelib.figures.style import INK, WIDTH_IN, in_style, natural_order
+from lanelib.figures.style import INK, WIDTH_IN, in_style
+from lanelib.names import natural_key
 
 
 @in_style
 def board_errors(views, *, rms_px: float | None = None) -> Figure:
     """Reprojection error of each board as bars, the overall RMS as a line; boards that were not used are named
     below."""
-    views = sorted(views, key=lambda view: natural_order(view.name))
+    views = sorted(views, key=lambda view: natural_key(view.name))
     used = [view for view in views if view.used and view.rms_px is not None]
     figure, a = plt.subplots(figsize=(WIDTH_IN, 3.0), layout="constrained")
     names = [Path(view.name).stem.removeprefix("calibration") for view in used]

@@ -14,7 +14,8 @@ from lanelib import draw
 from lanelib.channels import CHANNELS
 from lanelib.draw import PALETTE
 from lanelib.errors import LanelibError
-from lanelib.figures.style import INK, SOFT, WIDTH_IN, in_style, natural_order, picture_grid, put_picture, small_picture
+from lanelib.figures.style import INK, SOFT, WIDTH_IN, in_style, picture_grid, put_picture, small_picture
+from lanelib.names import natural_key
 
 
 @in_style
@@ -55,7 +56,7 @@ def boards(pictures, views, board_wh=(9, 6), *, columns: int = 5) -> Figure:
     in the order of the pictures. Unused ones are pale, a picture that is None is left out."""
     pairs = zip(pictures, views, strict=True)
     shown = [(*small_picture(picture), view) for picture, view in pairs if picture is not None]
-    shown.sort(key=lambda one: natural_order(one[-1].name))
+    shown.sort(key=lambda one: natural_key(one[-1].name))
     figure, axes = picture_grid([small for small, _, _ in shown], columns=columns, head=0.25)
     for a, (small, scale, view) in zip(axes, shown, strict=True):
         if view.corners_px is not None:

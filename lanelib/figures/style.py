@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import functools
 import io
-import re
 from pathlib import Path
 from typing import Any
 
@@ -136,11 +135,6 @@ def picture_grid(pictures, *, columns: int, width: float = WIDTH_IN, head: float
             x += wide + gap
         y -= gap
     return figure, axes
-
-
-def natural_order(name: str) -> list:
-    """A sorting key that puts calibration2 before calibration10."""
-    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
 
 
 def small_picture(picture: np.ndarray, width: int = 480) -> tuple[np.ndarray, float]:
