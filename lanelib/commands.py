@@ -91,12 +91,12 @@ def calibration_report(found) -> Iterator[str]:
 
 def rig(args: argparse.Namespace, console: Console) -> int:
     """A rig from frames of straight road."""
-    from lanelib.autorig import find_rig
+    from lanelib.autorig import MAXIMUM_FRAMES, find_rig
 
     check_place(args.output, sources=[*args.frames, args.camera])
     camera = None if str(args.camera) == "none" else Camera.load(args.camera)
     frames = []
-    for path in args.frames:
+    for path in (args.frames[i] for i in rigs.spread(len(args.frames), MAXIMUM_FRAMES)):
         if path.suffix.lower() in datasets.VIDEO_SUFFIXES:
             frames += rigs.frames_of_video(path, MAX_FRAMES_OF_CLIP)
         else:

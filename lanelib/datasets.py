@@ -123,6 +123,8 @@ def roots() -> tuple[Path, ...]:
 
     Raises LanelibError where LANELIB_DATA names no folder, or where there is neither.
     """
+    if stands_alone():
+        project_root()
     found = []
     if own := os.environ.get("LANELIB_DATA"):
         folder = Path(own).expanduser().resolve()
@@ -131,9 +133,12 @@ def roots() -> tuple[Path, ...]:
         found.append(folder)
     if is_checkout(_project()):
         found.append(_project())
-    if not found:
-        project_root()
     return tuple(dict.fromkeys(found))
+
+
+def stands_alone() -> bool:
+    """Whether there is nowhere to look: the package is in no checkout, and LANELIB_DATA is not set."""
+    return not os.environ.get("LANELIB_DATA") and not is_checkout(_project())
 
 
 def project_root() -> Path:

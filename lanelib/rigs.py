@@ -44,11 +44,11 @@ class RigChoice:
 
 
 def known_rigs() -> tuple[Path, ...]:
-    """Files of the rigs in `rigs/` of one's own data and of the project; of two with one name the first."""
-    try:
-        folders = [root / "rigs" for root in datasets.roots()]
-    except LanelibError:  # the package stands alone: there is nothing to choose from
+    """Files of the rigs in `rigs/` of one's own data and of the project; of two with one name the first. LanelibError
+    where LANELIB_DATA names no folder."""
+    if datasets.stands_alone():
         return ()
+    folders = [root / "rigs" for root in datasets.roots()]
     files = [path for folder in folders if folder.is_dir() for path in sorted(folder.glob("*.json"))]
     return tuple({path.name: path for path in reversed(files)}.values())[::-1]
 
@@ -71,13 +71,11 @@ def load_rig(name: str | Path) -> Rig:
 
 
 def set_of(path: str | Path) -> datasets.DataSet | None:
-    """The data set in one of whose folders the file lies, or None."""
-    path = Path(path).resolve()
-    try:
-        names = datasets.available()
-    except LanelibError:
+    """The data set in one of whose folders the file lies, or None; LanelibError where LANELIB_DATA names no folder."""
+    if datasets.stands_alone():
         return None
-    for name in names:
+    path = Path(path).resolve()
+    for name in datasets.available():
         found = datasets.get(name)
         if path.parent in [folder.resolve() for folder in (found.camera_cal, found.test_images, found.test_videos)]:
             return found
@@ -99,12 +97,13 @@ def fits(rig: Rig, size_wh: Sequence[int]) -> bool:
 
 
 def check_fits(rig: Rig, size_wh: Sequence[int], name: str | Path) -> None:
-    """LanelibError where a picture or video `name` of this size cannot be of the rig's camera."""
+    """LanelibError where a picture or video `name` of this size cannot be of the rig's camera, or shows it no road."""
     if not fits(rig, size_wh):
         raise LanelibError(
             f"{name}: needed pictures in the proportions of the rig {rig.name!r} ({rig.size_wh[0]}x{rig.size_wh[1]}), "
             f"found {size_wh[0]}x{size_wh[1]}; give the rig of this camera (--rig) or make one with `lanelib rig`"
         )
+    _ = rig.scaled(size_wh).scan_grid  # raises where there is no road in view
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,25 +179,22 @@ def spread(n: int, count: int) -> list[int]:
 
 
 def frames_of_video(path: str | Path, count: int = TRIAL_FRAMES) -> list[np.ndarray]:
-    """Up to `count` frames (BGR), evenly spread over a video; the first ones where it does not say how long it is."""
-    info = probe(path)
-    if info.duration_s <= 0 or info.n_frames <= 4 * count:  # short, or unknown: read it from the front
-        frames = []
-        with read_frames(path) as reader:
-            for frame in reader:
-                frames.append(frame.frame_bgr)
-                if len(frames) >= 4 * count:
-                    break
-        return [frames[i] for i in spread(len(frames), count)]
-    frames = []
-    for i in range(count):
-        with read_frames(path, start_s=(i + 0.5) / count * info.duration_s) as reader:
-            frames += [frame.frame_bgr for frame in itertools.islice(reader, 1)]
-    if not frames:
-        raise LanelibError(
-            f"{path}: needed a video whose frames can be read, found none at {count} places; record it again"
-        )
-    return frames
+    """Up to `count` frames (BGR), evenly spread over a video as far as it can be read; of its begin where it does not
+    say how long it is, or cannot be read in its middle. LanelibError where it cannot be read at all."""
+    info, frames = probe(path), []
+    if info.n_frames > 4 * count and info.duration_s > 0:
+        for i in range(count):
+            start_s = (i + 0.5) / count * info.duration_s
+            with suppress(LanelibError), read_frames(path, start_s=start_s) as reader:  # it may be cut off before
+                frames += [frame.frame_bgr for frame in itertools.islice(reader, 1)]
+    return frames or _first_frames(path, count)
+
+
+def _first_frames(path: str | Path, count: int) -> list[np.ndarray]:
+    """Every fourth frame of a video's begin; of a short one up to `count`, evenly spread."""
+    with read_frames(path) as reader:
+        frames = [frame.frame_bgr for frame in itertools.islice(reader, 4 * count)]
+    return [frames[i] for i in spread(len(frames), count)]
 
 
 class RigChooser:

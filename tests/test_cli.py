@@ -18,7 +18,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from lanelib import cli, commands, rigs, runs
+from lanelib import autorig, cli, commands, rigs, runs
 from lanelib.birdseye import BirdsEye
 from lanelib.camera import Camera
 from lanelib.errors import LanelibError
@@ -266,6 +266,41 @@ def test_a_rig_for_other_proportions_is_refused(place, clip, capsys):
     assert not Path("out.mp4").exists() and not Path("out").exists()
 
 
+def test_a_rig_that_sees_no_road_is_refused(place, clip, capsys):
+    make_rig("sky", pitch_deg=-40).save("sky.json")
+    refused(capsys, "image", "road.png", "--rig", "sky.json", "-o", "out", match="'sky' sees no road")
+    refused(capsys, "video", "drive.mp4", "--rig", "sky.json", "-o", "out.mp4", match="'sky' sees no road")
+    assert not Path("out.mp4").exists() and not Path("out").exists()
+
+
+def test_a_wrong_folder_of_data_is_said(road, tmp_path, monkeypatch, capsys):
+    cv2.imwrite(str(tmp_path / "road.png"), road[0])
+    monkeypatch.setenv("LANELIB_DATA", str(tmp_path / "gone"))
+    refused(capsys, "image", tmp_path / "road.png", match="LANELIB_DATA must name a folder")
+
+
+def test_the_package_alone_knows_no_rigs_and_no_sets(monkeypatch, tmp_path):
+    monkeypatch.setattr(rigs.datasets, "_project", lambda: tmp_path)
+    monkeypatch.delenv("LANELIB_DATA", raising=False)
+    assert rigs.known_rigs() == () and rigs.set_of("road.png") is None
+
+
+def test_frames_of_a_video_that_is_cut_off(tmp_path, monkeypatch):
+    path = clips.truncated(tmp_path / "cut.mp4", keep=0.45)
+    assert 1 <= len(rigs.frames_of_video(path, 4)) < 4  # as far as it goes
+
+    def only_from_the_front(path, *, start_s=0.0, **options):
+        if start_s:
+            raise LanelibError("nothing there")
+        return read_frames(path, **options)
+
+    monkeypatch.setattr(rigs, "read_frames", only_from_the_front)
+    assert len(rigs.frames_of_video(path, 4)) == 4
+    (tmp_path / "none.mp4").write_bytes(path.read_bytes()[:200])
+    with pytest.raises(LanelibError, match="none.mp4"):
+        rigs.frames_of_video(tmp_path / "none.mp4", 4)
+
+
 def test_the_rig_that_sees_lanes_is_chosen(road):
     wrong = [make_rig("steep", pitch_deg=9), make_rig("low", height_m=0.55)]
     choice = rigs.choose_rig([road[0]], [wrong[0], make_rig(), wrong[1]])
@@ -310,6 +345,14 @@ def test_pictures_of_a_data_set_have_its_rig_and_its_output(place, clip, road, m
     assert "rig mine: the file is of the set mine" in err
     run("video", "test_videos/mine/drive.mp4", capsys=capsys)
     assert Path("output_images/mine/a.jpg").is_file() and Path("output_videos/mine/drive.mp4").is_file()
+
+
+def test_of_many_pictures_only_those_that_are_used_are_read(place, monkeypatch, capsys):
+    read, frame = [], np.zeros((120, 160, 3), np.uint8)
+    monkeypatch.setattr(commands, "read_image", lambda path: read.append(path.name) or frame)
+    names = [f"{i}.png" for i in range(150)]
+    refused(capsys, "rig", *names, "--camera", "none", "-o", "new.json", match=f"in {autorig.MAXIMUM_FRAMES} frames")
+    assert read == [names[i] for i in rigs.spread(150, autorig.MAXIMUM_FRAMES)]
 
 
 def test_rig_is_made_from_frames(place, capsys):
