@@ -185,7 +185,8 @@ def frames_of_video(path: str | Path, count: int = TRIAL_FRAMES) -> list[np.ndar
     if info.n_frames > 4 * count and info.duration_s > 0:
         for i in range(count):
             start_s = (i + 0.5) / count * info.duration_s
-            with suppress(LanelibError), read_frames(path, start_s=start_s) as reader:  # it may be cut off before
+            # what is cut off ends before; nobody asks for the frames' numbers
+            with suppress(LanelibError), read_frames(path, start_s=start_s, numbered=False) as reader:
                 frames += [frame.frame_bgr for frame in itertools.islice(reader, 1)]
     return frames or _first_frames(path, count)
 

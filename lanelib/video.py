@@ -87,7 +87,7 @@ class Damage:
 
 def read_frames(
     path: str | Path, *, start_s: float = 0.0, end_s: float | None = None, pixel_format: str = "bgr24",
-    threads: int = 1, first_row: int = 0,
+    threads: int = 1, first_row: int = 0, numbered: bool = True,
 ) -> "FrameReader":
     """Open a video for reading; use it in a `with` block, or loop over it to the end.
 
@@ -96,10 +96,12 @@ def read_frames(
     what can be decoded; see `.damage`. `threads` are the decoder's (0: one per core): one costs the least CPU, decodes
     720p at about 300 frames a second beside whatever Python does, and guesses the same in damaged frames every time.
     `first_row` (even, for "yuv420p"): what lies above is not needed; it comes as zeros, and is not copied.
+    `numbered` False: `index` counts from the section's first frame, and the file is not read up to there.
     Raises LanelibError for what `probe` refuses, a wrong section or format, and a file without a single good frame.
     """
     return FrameReader(
-        path, start_s=start_s, end_s=end_s, pixel_format=pixel_format, threads=threads, first_row=first_row)
+        path, start_s=start_s, end_s=end_s, pixel_format=pixel_format, threads=threads, first_row=first_row,
+        numbered=numbered)
 
 
 class FrameReader:
@@ -107,6 +109,7 @@ class FrameReader:
 
     def __init__(
         self, path: str | Path, *, start_s: float, end_s: float | None, pixel_format: str, threads: int, first_row: int,
+        numbered: bool,
     ):
         if pixel_format not in PIXEL_FORMATS:
             raise LanelibError(f"needed a pixel format of {', '.join(PIXEL_FORMATS)}, found {pixel_format!r}")
@@ -116,7 +119,7 @@ class FrameReader:
         if 0 < info.duration_s <= start_s:
             raise LanelibError(f"{path}: needed a start within its {info.duration_s:.2f} s, found {start_s:g} s")
         self._start_s, self._end_s = start_s, end_s
-        before = packet_times(info.path, end_s=start_s) if start_s else []
+        before = packet_times(info.path, end_s=start_s) if start_s and numbered else []
         self._next_index = sum(time < start_s - EPSILON_S for time in before)
         width, height = info.size_wh
         filters = f"showinfo=checksum=0,scale={width}:{height}"

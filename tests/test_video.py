@@ -209,6 +209,12 @@ def test_a_section_holds_exactly_its_frames(plain, tmp_path, start_s, end_s, suf
     assert [f.time_s for f in read] == pytest.approx([i / 25 for i in expected], abs=1e-5)
 
 
+def test_a_section_that_is_not_numbered_is_not_looked_for(plain, monkeypatch):
+    monkeypatch.setattr("lanelib.video.packet_times", None)
+    with read_frames(plain, start_s=0.4, numbered=False) as frames:
+        assert [(f.index, clips.frame_number(f.frame_bgr)) for f in frames] == [(i, 10 + i) for i in range(10)]
+
+
 @pytest.mark.parametrize("start_s, end_s", [(-1, None), (0.5, 0.5), (2, 1), (0.8, None), (50, None)])
 def test_a_section_that_cannot_be(plain, start_s, end_s):
     with pytest.raises(LanelibError) as error:
