@@ -26,8 +26,12 @@ MAX_MEGAPIXELS = 64
 # Containers of cameras, phones and editors, and the common sound files (so that the answer can be "only sound").
 CONTAINERS = ("mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,ogg,asf,flv,mxf,dv,h264,hevc,m4v,mjpeg,"
               "nut,wav,mp3,aac,flac")
-# Sound that players understand inside an MP4 file; anything else is encoded to AAC.
-MP4_AUDIO = frozenset({"aac", "mp3", "opus", "ac3", "eac3", "alac", "flac"})
+# Outputs, and the sound that players understand inside each; anything else is encoded to AAC.
+COPIED_AUDIO = {
+    ".mp4": frozenset({"aac", "mp3", "opus", "ac3", "eac3", "alac", "flac"}),
+    ".m4v": frozenset({"aac", "alac", "ac3"}),
+    ".mov": frozenset({"aac", "alac", "ac3", "mp3"}),
+}
 # Containers with an index, in which a time is found exactly; others are read from their start.
 INDEXED = ("mov,mp4", "matroska", "avi")
 # The YUV matrices that cameras use.
@@ -45,7 +49,7 @@ POPEN_OPTIONS = {"start_new_session": True} if os.name == "posix" else {}
 
 @dataclass(frozen=True)
 class VideoInfo:
-    """What a file says about itself: `size_wh` as displayed (after rotation), times in seconds.
+    """What a file says about itself: `size_wh` as displayed (upright, with square pixels), times in seconds.
 
     `n_frames` is duration times frame rate, an estimate good to a frame or two, unless `n_frames_exact`; 0 when the
     file does not say. `rotation_deg` is the counter-clockwise turn that the file asks players for (reading does it).
@@ -102,6 +106,16 @@ def _probed(path: Path, *_version: int) -> VideoInfo:
 
 def packet_times(path: Path, *, end_s: float | None = None) -> list[float]:
     """The presentation times in seconds of the video packets (one packet, one frame), ascending; up to `end_s`."""
+    return sorted(begin_s for begin_s, _ in _packets(path, end_s))
+
+
+def packets_end_s(path: Path) -> float:
+    """When the last frame ends, in seconds from the file's start; 0 without frames."""
+    return max((end_s for _, end_s in _packets(path)), default=0.0)
+
+
+def _packets(path: Path, end_s: float | None = None) -> list[tuple[float, float]]:
+    """From when to when each video packet's frame is shown, seconds, in the order of the file; up to `end_s`."""
     # 2 s more: packets are stored in decoding order, in which a frame can stand after later ones.
     limit = [] if end_s is None else ["-t", f"{end_s + 2:.6f}"]
     out, said = _run(*limit, "-i", file_url(path), "-map", "0:V:0", "-c", "copy", "-copyts", "-start_at_zero",
@@ -110,8 +124,8 @@ def packet_times(path: Path, *, end_s: float | None = None) -> list[float]:
     if base is None:
         raise LanelibError(f"{path}: cannot read its packets: {reason(said)}")
     tick_s = Fraction(int(base[1]), int(base[2]))
-    ticks = [int(row.split(",")[2]) for row in out.splitlines() if row and row[0] != "#"]
-    return [float(tick * tick_s) for tick in sorted(ticks)]
+    rows = (row.split(",") for row in out.splitlines() if row and row[0] != "#")
+    return [(float(int(row[2]) * tick_s), float((int(row[2]) + int(row[3])) * tick_s)) for row in rows]
 
 
 def checked_file(path: str | Path) -> Path:
@@ -206,6 +220,15 @@ def _run(*arguments: str, timeout_s: float = PROBE_TIMEOUT_S) -> tuple[str, str]
     return done.stdout.decode("utf-8", "replace"), done.stderr.decode("utf-8", "replace")
 
 
+def displayed(width: int, height: int, text: str) -> tuple[int, int]:
+    """The size at which a stored picture is shown: where its pixels are not square, the shorter of their sides is
+    drawn out. `text`: ffmpeg's description of the stream."""
+    aspect = re.search(r"SAR (\d+):(\d+)", text)
+    ratio = int(aspect[1]) / int(aspect[2]) if aspect and int(aspect[1]) and int(aspect[2]) else 1.0
+    wide, high = 2 * round(width * max(ratio, 1.0) / 2), 2 * round(height / min(ratio, 1.0) / 2)
+    return (wide if ratio > 1 else width), (high if ratio < 1 else height)
+
+
 def _parse(path: Path, said: str) -> VideoInfo:
     """VideoInfo from ffmpeg's description of its input."""
     streams = re.findall(r"Stream #0:\S+?: (Video|Audio): (.*)", said)
@@ -227,7 +250,7 @@ def _parse(path: Path, said: str) -> VideoInfo:
     if size is None or min(int(size[1]), int(size[2])) == 0:
         raise LanelibError(f"{path}: needed a video, found a video stream without a frame ({plain(text)[:60]}); "
                            "record or download it again")
-    width, height = int(size[1]), int(size[2])
+    width, height = displayed(int(size[1]), int(size[2]), text)
     if width * height > MAX_MEGAPIXELS * 10**6:
         raise LanelibError(f"{path}: needed frames of at most {MAX_MEGAPIXELS} megapixels, "
                            f"found {width}x{height}; scale the video down first")

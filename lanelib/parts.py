@@ -33,6 +33,19 @@ def is_special(path: Path) -> bool:
     return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
 
 
+def set_aside(part: Path, final: Path) -> Path:
+    """Where the finished `part` is now: NAME-2, NAME-3 … beside `final`, whose name it could not have; where it was,
+    if even that cannot be."""
+    free, n = final, 1
+    while free.exists():
+        n += 1
+        free = final.with_name(f"{final.stem}-{n}{final.suffix}")
+    try:
+        return part.rename(free)
+    except OSError:
+        return part
+
+
 def remove_abandoned(final: Path) -> None:
     """Remove unfinished files for `final` whose process is no more (it was killed, or the power went).
 

@@ -98,6 +98,7 @@ def run_video(
     planes = even and (view == "overlay" or out is None)  # as the file stores them: no colour conversion either way
 
     def step(frame: np.ndarray, index: int, time_s: float) -> np.ndarray | None:
+        finder.tracker.tell_time(time_s)
         result = finder.process_yuv420(frame) if planes else finder.process(frame)
         tally.add(result)
         if write_row is not None:

@@ -41,6 +41,8 @@ from lanelib.lane import Lane
 from lanelib.roadmemory import RoadMemory
 
 FPS = 25.0  # every number of frames, and every share of a frame, below is for so many frames a second
+MEASURED_FRAMES = 25  # by so many the rate is measured, again and again: less light or a busy computer change it ...
+ANOTHER_RATE = 0.02  # ... and is another one when it differs by this share
 LEAST_PACE, MOST_PACE = 0.1, 5.0  # the model takes rates above 250 and below 5 frames a second for these
 # How far each number departs from its prediction: standard deviation of a step from frame to frame at 25 frames a
 # second. Centre: 0.4 m/s sideways; heading: 0.09 radians a second; bend: from straight to R 60 m in a second; rate: by
@@ -116,6 +118,7 @@ class LaneTracker:
         self.smoothing, self.alpha = smoothing, alpha
         self._hold_frames, self._step_std = hold_frames, np.asarray(step_std, float)
         self.set_fps(fps)
+        self._times_s: list[float] = []
         self._history: deque[JointFit] = deque(maxlen=max(n - 1, 0))
         self._learned, self._lessons = UNKNOWN_ROAD.mean[LEARNED], 0
         self._frames = 0
@@ -134,6 +137,16 @@ class LaneTracker:
         self.step_std = self._step_std * np.sqrt(self.pace)
         self._drifts = DRIFTS**self.pace
         self._alpha, self._beta = 1 - (1 - ALPHA) ** self.pace, 1 - (1 - BETA) ** self.pace
+
+    def tell_time(self, time_s: float) -> None:
+        """When the next frame was taken, in seconds: where frames come at another rate than was said, or at changing
+        ones, it is measured."""
+        self._times_s.append(time_s)
+        if len(self._times_s) > MEASURED_FRAMES:
+            span_s = self._times_s[-1] - self._times_s[0]
+            self._times_s = [time_s]
+            if span_s > 0 and abs(MEASURED_FRAMES / span_s / self.fps - 1) > ANOTHER_RATE:
+                self.set_fps(MEASURED_FRAMES / span_s)
 
     def reset(self) -> None:
         """Forget the lane (what was learned of the drive stays)."""

@@ -36,6 +36,7 @@ from lanelib.ffmpeg import (
     file_url,
     input_options,
     packet_times,
+    packets_end_s,
     plain,
     probe,
     widen_pipe,
@@ -123,6 +124,8 @@ class FrameReader:
         self._next_index = sum(time < start_s - EPSILON_S for time in before)
         width, height = info.size_wh
         filters = f"showinfo=checksum=0,scale={width}:{height}"
+        if pixel_format != "bgr24":
+            filters += ":out_range=tv"  # some cameras store Y as 0..255; here it is always 16..235
         if pixel_format != "bgr24" and (width % 2 or height % 2):
             filters += (f",pad={width + width % 2}:{height + height % 2}"
                         f",fillborders=right={width % 2}:bottom={height % 2}:mode=smear")
@@ -201,11 +204,18 @@ class FrameReader:
         """At the end of the frames: judge whether it came too early."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout=10)  # ffmpeg still says what was wrong
+        status = self._process.poll()
         self.close()
-        early_s = self.info.duration_s - self._last_s - 1 / self.info.fps
+        killed = status is None or status < 0 or (status > 0 and not self._log.damage(truncated=False))
+        if killed:  # damage alone has other words
+            self._log.note(f"the decoder ended with status {status}")
         # Two frames of slack for rounded durations; a sound track that is longer than the pictures is no damage.
-        early = self._end_s is None and early_s > 2 / self.info.fps and (self.damage or not self.info.has_audio)
-        self.damage = self._log.damage(truncated=bool(early))
+        slack_s = 2 / self.info.fps
+        early = self._end_s is None and self.info.duration_s - self._last_s - 1 / self.info.fps > slack_s
+        early = early and (self._log.damage(truncated=False) or not self.info.has_audio)
+        if early:  # unless the last frame is to be shown for so long
+            early = self.info.duration_s - packets_end_s(self.info.path) > slack_s
+        self.damage = self._log.damage(truncated=bool(early or killed))
         if self._count == 0 and (self.damage or not self._start_s):
             why = self.damage.messages[0] if self.damage.messages else "it holds no frames"
             raise LanelibError(f"{self.info.path}: needed at least one frame that can be decoded, found none ({why}); "
@@ -245,7 +255,7 @@ class _ReadingLog:
         if shown := re.search(r"n: *\d+ pts: *(-?\d+|NOPTS) +pts_time:.* s:(\d+x\d+) i:", line):
             self._times.put(None if shown[1] == "NOPTS" else int(shown[1]) * self._tick_s)
             if self._size and self._size != shown[2]:
-                self._note(f"frames change from {self._size} to {shown[2]}, scaled to the first size")
+                self.note(f"frames change from {self._size} to {shown[2]}, scaled to the first size")
             self._size = shown[2]
         elif base := re.search(r"config in time_base: (\d+)/(\d+)", line):
             self._tick_s = int(base[1]) / int(base[2])
@@ -258,9 +268,10 @@ class _ReadingLog:
             self._cut = True
         two_at_one_time = "[rawvideo @" in line  # legal here
         if "[error]" in line and (self._decoding or "[in#" in line) and not two_at_one_time:
-            self._note(plain(line))
+            self.note(plain(line))
 
-    def _note(self, message: str) -> None:
+    def note(self, message: str) -> None:
+        """Keep a message, once."""
         if message not in self._messages and len(self._messages) < MAX_MESSAGES:
             self._messages.append(message)
 

@@ -19,8 +19,8 @@ from lanelib import matroska
 from lanelib.errors import LanelibError
 from lanelib.ffmpeg import (
     COLOR_MATRICES,
+    COPIED_AUDIO,
     MAX_MESSAGES,
-    MP4_AUDIO,
     PIXEL_FORMATS,
     POPEN_OPTIONS,
     end_process,
@@ -32,7 +32,7 @@ from lanelib.ffmpeg import (
     reason,
     widen_pipe,
 )
-from lanelib.parts import part_of, remove_abandoned
+from lanelib.parts import part_of, remove_abandoned, set_aside
 
 
 class VideoWriter:
@@ -44,9 +44,9 @@ class VideoWriter:
 
     size_wh : of the frames; None takes it from the first frame. fps : the nominal rate, and the spacing of frames
     written without a time. preset, crf : x264's speed and quality (18 looks the same as the source, 28 is small).
-    audio_from : a file whose sound track is kept (from `audio_start_s`, for `audio_duration_s`); copied where MP4 can
-    hold it, else encoded to AAC. color_matrix : the YUV matrix of the planes, or to be used for BGR; None leaves it
-    open, as in the source (players and OpenCV then assume BT.601).
+    audio_from : a file whose sound track is kept (from `audio_start_s`, for `audio_duration_s`); copied where the
+    container can hold it, else encoded to AAC. color_matrix : the YUV matrix of the planes, or to be used for BGR; None
+    leaves it open, as in the source (players and OpenCV then assume BT.601).
     Raises LanelibError: output name, folder, same file as `audio_from`, frame of another size, ffmpeg's failure.
     """
 
@@ -96,7 +96,7 @@ class VideoWriter:
         try:
             _pour(self._process.stdin, matroska.frame_header(time_us, frame.nbytes))
             _pour(self._process.stdin, np.ascontiguousarray(frame))
-        except (BrokenPipeError, ValueError):
+        except (OSError, ValueError):  # ffmpeg is gone: a broken pipe, or on Windows an invalid argument
             raise self._failure() from None
         self._last_us, self.frames = time_us, self.frames + 1
 
@@ -109,12 +109,12 @@ class VideoWriter:
         if self._process.wait() != 0:
             raise self._failure()
         self._log_thread.join()
+        self._abandon.detach()
         try:
             os.replace(self._part, self.path)
-        except OSError as error:
-            self.abort()
-            raise LanelibError(f"{self.path}: cannot write the video: {error.strerror}; choose another name") from None
-        self._abandon.detach()
+        except OSError as error:  # it is a folder by now, or open in a player
+            kept = set_aside(self._part, self.path)
+            raise LanelibError(f"{self.path}: cannot have its name: {error.strerror}; it was kept as {kept}") from None
 
     def abort(self) -> None:
         """End ffmpeg and remove what was written so far."""
@@ -146,7 +146,8 @@ class VideoWriter:
         planes = self._pixel_format != "bgr24"
         self._shape = (height * 3 // 2, width) if planes else (self.size_wh[1], self.size_wh[0], 3)
         matrix = self._color_matrix
-        filters = [] if planes else [f"scale=out_range=tv{f':out_color_matrix={matrix}' if matrix else ''}"]
+        exact = "scale=out_range=tv:flags=bicubic+accurate_rnd"  # else white comes out grey
+        filters = [] if planes else [f"{exact}{f':out_color_matrix={matrix}' if matrix else ''}"]
         filters += ["format=yuv420p", f"setparams=range=tv{f':colorspace={matrix}' if matrix else ''}"]
         self._process = subprocess.Popen(
             [ffmpeg_exe(), "-hide_banner", "-nostats", "-y", "-loglevel", "level+warning", "-probesize", "32",
@@ -161,7 +162,7 @@ class VideoWriter:
                                             name="ffmpeg-log")
         self._log_thread.start()
         self._abandon = weakref.finalize(self, end_process, self._process, self._log_thread, self._part)
-        with contextlib.suppress(BrokenPipeError):
+        with contextlib.suppress(OSError):
             _pour(self._process.stdin, matroska.file_header((width, height), self._pixel_format, self._rate))
 
     def _audio_input(self) -> list[str]:
@@ -172,13 +173,13 @@ class VideoWriter:
         section = ["-ss", f"{start_s:.6f}"] * bool(start_s)
         section += ["-t", f"{duration_s:.6f}"] if duration_s is not None else []
         return [*section, *input_options(), "-i", file_url(source), "-map", "1:a:0",
-                "-c:a", "copy" if codec in MP4_AUDIO else "aac"]
+                "-c:a", "copy" if codec in COPIED_AUDIO[self.path.suffix.lower()] else "aac"]
 
 
 def checked_output(path: str | Path, *, source: str | Path | None = None) -> Path:
     """The path, if a video can be written there without touching `source`; else LanelibError."""
     path = Path(path)
-    if path.suffix.lower() not in (".mp4", ".m4v", ".mov"):
+    if path.suffix.lower() not in COPIED_AUDIO:
         raise LanelibError(f"{path}: needed an output name ending in .mp4, found {path.suffix or 'no ending'!r}")
     if path.is_dir():
         raise LanelibError(f"{path}: needed an output file name, found a directory; name a file in it")

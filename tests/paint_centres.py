@@ -13,7 +13,7 @@ NARROWEST_PX, WIDEST_PX = 2.0, 34.0
 
 
 def paint_centres(frame_bgr: np.ndarray, line_x: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """x of the paint's centre at ``rows`` (N,) near ``line_x`` (N,), in pixels of the frame; NaN where there is none."""
+    """x of the paint's centre at ``rows`` (N,) near ``line_x`` (N,), px of the frame; NaN where there is none."""
     return np.array([_centre(frame_bgr, x, int(row)) for x, row in zip(line_x, rows, strict=True)])
 
 

@@ -99,6 +99,19 @@ def test_a_car_that_weaves_is_followed_better_by_who_knows_the_rate():
     assert off[6.25] < 0.5 * off[25.0]
 
 
+def test_the_rate_is_measured_where_it_is_not_what_was_said():
+    tracker = LaneTracker(fps=30)
+    for i in range(60):
+        tracker.tell_time(i / 30 + 0.001 * (i % 2))
+    assert tracker.fps == 30  # rounded times are no other rate
+    for i in range(60):
+        tracker.tell_time(2 + i / 10)
+    assert tracker.fps == pytest.approx(10) and tracker.hold_frames == 5
+    for _ in range(60):
+        tracker.tell_time(8.0)  # a clock that stands still says nothing
+    assert tracker.fps == pytest.approx(10, rel=0.5)
+
+
 @pytest.mark.parametrize("number, jump", [(CENTRE, 0.2), (HEADING, 0.03), (BEND, 5e-3), (WIDTH, 0.3)])
 def test_a_jump_is_shown_at_once_and_noise_is_calmed(number, jump):
     """Whatever jumps, a swerving car or a bump, no line is shown more than 1.3 mrad (1.5 px of 1280) beside the line of

@@ -249,6 +249,27 @@ def test_rotation_is_applied(tmp_path):
     assert [clips.frame_number(f) for f in read] == list(range(20))
 
 
+def test_pixels_that_are_not_square_are_made_so(tmp_path):
+    """720 x 576 as television has it, for a wide picture and for a narrow one; a ratio that rounds away is none."""
+    for sar, shown in {"64/45": (1024, 576), "1/2": (720, 1152), "719/720": (720, 576)}.items():
+        path = clips.clip(tmp_path / "tv.mp4", n_frames=3, size_wh=(720, 576), options=["-vf", f"setsar={sar}"])
+        assert probe(path).size_wh == shown
+        with read_frames(path) as frames:
+            first = next(frames).frame_bgr
+        assert first.shape[1::-1] == shown and clips.frame_number(first) == 0
+
+
+@pytest.mark.parametrize("pixel_format", ["yuv420p", "nv12"])
+def test_full_range_comes_as_video_range(tmp_path, pixel_format):
+    """Cameras that store Y as 0..255: the planes are those of the same picture stored as 16..235."""
+    read = {}
+    for name, options in {"pc": ["-vf", "scale=out_range=pc"], "tv": []}.items():
+        path = clips.clip(tmp_path / f"{name}.mkv", n_frames=2, codec="ffv1", options=[*options, "-color_range", name])
+        with read_frames(path, pixel_format=pixel_format) as frames:
+            read[name] = next(frames).frame_bgr.astype(int)
+    assert np.abs(read["pc"] - read["tv"])[:96].max() <= 3 and read["tv"][:96].max() > 150
+
+
 def test_odd_size(tmp_path):
     path = clips.odd(tmp_path / "odd.mp4")
     bgr = next(iter(read_frames(path))).frame_bgr
@@ -318,6 +339,27 @@ def test_a_file_shorter_than_its_header_says(plain):
         frames.info = replace(frames.info, duration_s=1.0)  # it has 0.8 s, and ffmpeg finds nothing wrong
         assert len(list(frames)) == 20
     assert frames.damage.truncated
+
+
+def test_a_last_frame_shown_for_long_is_no_cut(tmp_path):
+    """Ten slides, the last one for three seconds: nothing is missing."""
+    path = clips.clip(tmp_path / "slides.mp4", n_frames=10)
+    slow = tmp_path / "slow.mp4"
+    clips.ffmpeg("-i", path, "-c", "copy", "-bsf:v", "setts=duration='if(eq(N,9),38400,DURATION)'", slow)
+    assert probe(slow).duration_s > 3
+    with read_frames(slow) as frames:
+        assert len(list(frames)) == 10
+    assert not frames.damage
+
+
+def test_a_decoder_that_is_killed_is_no_end(tmp_path):
+    """As by a system that is out of memory; beside a sound track nothing else would tell."""
+    path = clips.clip(tmp_path / "long.mp4", n_frames=200, size_wh=(640, 360), audio_s=8)
+    with read_frames(path) as frames:
+        next(frames)
+        os.kill(frames._process.pid, signal.SIGKILL)
+        assert len(list(frames)) < 199
+    assert frames.damage.truncated and "ended" in str(frames.damage)
 
 
 def test_messages_in_the_middle_of_other_lines_are_seen():
@@ -466,6 +508,30 @@ def test_bad_frames_are_refused_and_nothing_stays(tmp_path):
             writer.write(clips.picture(0, (64, 48)))
         one_line(error)
     assert os.listdir(tmp_path) == []
+
+
+def test_a_video_whose_name_is_taken_meanwhile_is_kept_under_another(tmp_path):
+    out = tmp_path / "out.mp4"
+    with pytest.raises(LanelibError, match=r"out\.mp4: cannot have its name.*out-2\.mp4"), VideoWriter(out) as writer:
+        writer.write(clips.picture(0, (160, 96)))
+        out.mkdir()
+    assert numbers(tmp_path / "out-2.mp4") == [0]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out-2.mp4", "out.mp4"]
+
+
+def test_white_stays_white(tmp_path):
+    with VideoWriter(tmp_path / "white.mp4", crf=1) as writer:
+        writer.write(np.full((96, 160, 3), 255, np.uint8))
+    with read_frames(tmp_path / "white.mp4", pixel_format="yuv420p") as frames:
+        assert {*np.unique(next(frames).frame_bgr[:96])} == {235}
+
+
+@pytest.mark.parametrize("suffix", ["mp4", "m4v", "mov"])
+@pytest.mark.parametrize("codec", ["libopus", "flac", "libmp3lame"])
+def test_sound_fits_the_container(tmp_path, suffix, codec):
+    source = clips.clip(tmp_path / "in.mkv", audio_s=0.8, audio_codec=codec)
+    process_video(source, lambda frame, *_: frame, output=tmp_path / f"out.{suffix}")
+    assert probe(tmp_path / f"out.{suffix}").has_audio
 
 
 def test_an_old_output_survives_a_failed_run(tmp_path):
