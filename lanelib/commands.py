@@ -9,7 +9,6 @@ import json
 import sys
 import tempfile
 import threading
-from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
@@ -44,7 +43,6 @@ from lanelib.runs import describe, picture_of, run_video, write_pictures
 from lanelib.threshold import recipe_by_name
 
 MAX_FRAMES_OF_CLIP = 40  # for a rig; more only repeat each other
-MEASURED_FRAMES = 25  # of a live source, again and again, to know its rate: less light or a busy computer change it
 Work = tuple[Path, str, Path | None]  # a video, its `raw_file`, and where it is drawn to
 
 
@@ -310,11 +308,10 @@ def live(args: argparse.Namespace, console: Console) -> int:
     from lanelib import live as streaming
 
     rig_given = None if args.rig is None else rigs.load_rig(args.rig)
-    finder, waiting, times = None, [], deque(maxlen=MEASURED_FRAMES)
+    finder, waiting = None, []
 
     def step(frame: np.ndarray, index: int, time_s: float) -> np.ndarray:
         nonlocal finder
-        times.append(time_s)
         if finder is None:
             chosen = rig_given
             if chosen is None:
@@ -327,8 +324,7 @@ def live(args: argparse.Namespace, console: Console) -> int:
                 waiting.clear()
             rigs.check_fits(chosen, frame.shape[1::-1], args.source)
             finder = LaneFinder(chosen, recipe=args.recipe, neighbours=args.neighbours)
-        if index % MEASURED_FRAMES == 0 and times[-1] > times[0]:
-            finder.tracker.set_fps((len(times) - 1) / (times[-1] - times[0]))
+        finder.tracker.tell_time(time_s)
         return picture_of(args.view, frame, finder.process(frame), finder)
 
     summary = streaming.live(

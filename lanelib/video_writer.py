@@ -32,7 +32,7 @@ from lanelib.ffmpeg import (
     reason,
     widen_pipe,
 )
-from lanelib.parts import part_of, remove_abandoned, set_aside
+from lanelib.parts import is_special, part_of, remove_abandoned, set_aside
 
 
 class VideoWriter:
@@ -183,6 +183,8 @@ def checked_output(path: str | Path, *, source: str | Path | None = None) -> Pat
         raise LanelibError(f"{path}: needed an output name ending in .mp4, found {path.suffix or 'no ending'!r}")
     if path.is_dir():
         raise LanelibError(f"{path}: needed an output file name, found a directory; name a file in it")
+    if is_special(path):
+        raise LanelibError(f"{path}: needed an output file name, found a device or pipe; name a file")
     if not path.parent.is_dir():
         raise LanelibError(f"{path}: needed an existing folder for the output, found none; make {path.parent}")
     if not os.access(path.parent, os.W_OK | os.X_OK):
