@@ -100,14 +100,14 @@ def test_names_as_long_as_the_system_allows(tmp_path, name):
     assert names(tmp_path) == {name}
 
 
-def test_a_video_that_cannot_get_its_name_leaves_nothing(tmp_path):
+def test_a_video_that_cannot_get_its_name_gets_another(tmp_path):
     path = tmp_path / "out.mp4"
     with pytest.raises(LanelibError) as error, VideoWriter(path, preset="ultrafast") as writer:
         writer.write(clips.picture(0, (64, 48)))
         path.mkdir()
         (path / "full").write_text("a folder came between")
-    assert "out.mp4" in str(error.value) and "\n" not in str(error.value)
-    assert names(tmp_path) == {"out.mp4"}
+    assert "kept as" in str(error.value) and "\n" not in str(error.value)
+    assert names(tmp_path) == {"out.mp4", "out-2.mp4"}
 
 
 def test_rows_that_were_whole_are_kept_where_the_file_cannot_be(tmp_path):

@@ -510,15 +510,6 @@ def test_bad_frames_are_refused_and_nothing_stays(tmp_path):
     assert os.listdir(tmp_path) == []
 
 
-def test_a_video_whose_name_is_taken_meanwhile_is_kept_under_another(tmp_path):
-    out = tmp_path / "out.mp4"
-    with pytest.raises(LanelibError, match=r"out\.mp4: cannot have its name.*out-2\.mp4"), VideoWriter(out) as writer:
-        writer.write(clips.picture(0, (160, 96)))
-        out.mkdir()
-    assert numbers(tmp_path / "out-2.mp4") == [0]
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["out-2.mp4", "out.mp4"]
-
-
 def test_white_stays_white(tmp_path):
     with VideoWriter(tmp_path / "white.mp4", crf=1) as writer:
         writer.write(np.full((96, 160, 3), 255, np.uint8))
