@@ -107,7 +107,7 @@ def test_the_information_is_that_of_numeric_derivatives(lane):
             y = exact_distance(p.inverse, moved, p.height_m)
             ends.append(np.where(side_of_point > 0, moved.x(y, 1), moved.x(y, -1)) / y)
         jacobian[:, i] = (ends[1] - ends[0]) / (2e-4 * STD[i])
-    weight = p.weight / NEIGHBOURS / p.std ** 2
+    weight = p.weight / NEIGHBOURS / p.std**2
     expected = (jacobian * weight[:, None]).T @ jacobian
     scale = np.sqrt(np.diag(expected))
     np.testing.assert_allclose(information / np.outer(scale, scale), expected / np.outer(scale, scale), atol=2e-4)
