@@ -16,6 +16,7 @@ from lanelib.calibration import BoardView
 from lanelib.camera import Camera
 from lanelib.draw import PALETTE
 from lanelib.errors import LanelibError
+from lanelib.figures import n07
 from lanelib.lane import Lane, Line
 
 FRAME = np.random.default_rng(0).integers(0, 255, (90, 160, 3), np.uint8)
@@ -184,3 +185,14 @@ def test_an_unknown_ending_is_refused(tmp_path):
     with pytest.raises(LanelibError, match=r"\.jpg, \.png or \.svg"):
         figures.save(figures.bars({"a": 1.0}), tmp_path / "a.xyz")
     assert not list(tmp_path.iterdir())
+
+
+def test_the_textbooks_overlay_tints_the_lane_of_the_picture_as_given():
+    view = birdseye()
+    drawn = n07.warped_back_overlay(FRAME, view, LANE).astype(int) - FRAME
+    rows, columns = np.indices(FRAME.shape[:2])
+    road = view.road_from_points(np.column_stack([columns.ravel(), rows.ravel()]))
+    inside = (LANE.left.x(road[:, 1]) < road[:, 0]) & (road[:, 0] < LANE.right.x(road[:, 1])) & (road[:, 1] < 33)
+    beside = ~((np.abs(road[:, 0]) < 4) & (road[:, 1] < 34))
+    green = drawn[..., 1].ravel()
+    assert np.median(green[inside & (road[:, 1] > 4)]) > 0 and (green[beside] == 0).all()

@@ -11,7 +11,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lanelib.birdseye import BirdsEye
-from lanelib.camera import Camera
 from lanelib.draw import SERIES, bgr
 from lanelib.figures.style import INK, WIDTH_IN, in_style
 from lanelib.lane import Lane
@@ -34,10 +33,10 @@ def _once(step: Callable[[], object]) -> float:
     return (time.process_time() - began) * 1e3
 
 
-def warped_back_overlay(frame_bgr: np.ndarray, birdseye: BirdsEye, camera: Camera, lane: Lane) -> np.ndarray:
+def warped_back_overlay(undistorted_bgr: np.ndarray, birdseye: BirdsEye, lane: Lane) -> np.ndarray:
     """The textbook's way to draw a lane: fill it in the bird's-eye view, warp that picture back, blend the whole frame.
 
-    ``frame_bgr`` (H, W, 3) uint8, returned undistorted, as the textbook shows it.
+    ``undistorted_bgr`` (H, W, 3) uint8: the textbook shows the lane on the undistorted picture.
     """
     y = np.linspace(*birdseye.grid.y_m[[0, -1]], 60)
     pixel_from_road = np.linalg.inv(birdseye.grid.road_from_pixel)
@@ -46,8 +45,7 @@ def warped_back_overlay(frame_bgr: np.ndarray, birdseye: BirdsEye, camera: Camer
     columns_rows = outline @ pixel_from_road[:2, :2].T + pixel_from_road[:2, 2]
     green = np.zeros((*birdseye.grid.size_wh[::-1], 3), np.uint8)
     cv2.fillPoly(green, [np.round(columns_rows).astype(np.int32)], bgr("lane area"))
-    undistorted = cv2.undistort(frame_bgr, camera.camera_matrix, camera.distortion)
-    return cv2.addWeighted(undistorted, 1, birdseye.unwarp(green), 0.35, 0)
+    return cv2.addWeighted(undistorted_bgr, 1, birdseye.unwarp(green), 0.35, 0)
 
 
 @in_style
