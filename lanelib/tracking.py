@@ -6,7 +6,7 @@ The state is the joint fit's seven numbers (see ``jointfit.NAMES``). Four ways o
     average      mean of the last n frames, each weighted with the inverse variance of its own fit
     exponential  s = s + alpha (measured - s)
     kalman       prediction with process noise, then the frame's fit under that prediction as prior (the default:
-                 measured in notebook 05 to have the least error and jitter for the least lag)
+                 of the last three the least error, jitter and lag, as notebook 05 measures)
 
 The Kalman filter predicts that centre, heading and bend go on changing as they did, at rates that an alpha-beta filter
 knows; what is shown is that filter's lane, a little calmer than the fits themselves.
@@ -46,8 +46,9 @@ ANOTHER_RATE = 0.02  # ... and is another one when it differs by this share
 LEAST_PACE, MOST_PACE = 0.1, 5.0  # the model takes rates above 250 and below 5 frames a second for these
 # How far each number departs from its prediction: standard deviation of a step from frame to frame at 25 frames a
 # second. Centre: 0.4 m/s sideways; heading: 0.09 radians a second; bend: from straight to R 60 m in a second; rate: by
-# its memory, below; width: 0.2 m/s; pitch: 6 degrees a second over bumps. A third or three times of these do as
-# well; a tenth lags, ten times lose the lane (notebook 05).
+# its memory, below; width: 0.2 m/s; pitch: 6 degrees a second over bumps. A third of these does as well,
+# three times costs half a centimetre 20 m ahead on a motorway; a tenth and ten times double the error there and more
+# (notebook 05).
 STEP_STD = np.array([0.016, 0.0035, 4e-4, np.nan, 0.0075, 0.004, 6e-5])
 # What is shown lies ALPHA of the way from where it was going to the new fit. How the lane changes from frame to frame
 # is learned from each surprise by BETA of it, and forgotten within a second or two. (Alpha-beta filter: Brookner,

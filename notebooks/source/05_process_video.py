@@ -102,11 +102,11 @@ def scores(results, entries, camera=rig.camera):
 # frames a second that is 0.10 s and 0.09 s. **Predict:** how much error does 0.1 s of lag make 20 m ahead in a bend?
 
 # %%
-results = {}
+results, judged = {}, {}
 for smoothing in ("none", "average", "exponential", "kalman"):
     finder = LaneFinder(rig, smoothing=smoothing)
     results[smoothing] = [finder.process(frame) for frame in frames]
-    error, jitter, lag = scores(results[smoothing], truth)
+    error, jitter, lag = judged[smoothing] = scores(results[smoothing], truth)
     print(f"{smoothing:12} error {error:.1f} cm, jitter {jitter:.2f} cm a frame, lag {lag:+.2f} s")
 
 
@@ -126,8 +126,14 @@ figures.curves(seconds[part], {"truth": exact[part]} | found, truth="truth", mar
 # %% [markdown]
 # The average and the exponential smoother are late: while the bend comes in, the lane is not where they draw it.
 # 20 m ahead the lane moves sideways by a third of a metre a second there, and 0.1 s of that are the centimetres in the table.
-# The Kalman filter has the error of the single frames, a small part of their jitter, and hardly any lag: it is calmer even
-# than the exponential smoother, which paid for its calm with lag. How can that be?
+
+# %%
+more, share = judged["kalman"][0] - judged["none"][0], judged["kalman"][1] / judged["none"][1]
+notebook.say(f"The Kalman filter's error is {more:.1f} cm above that of the single frames, its jitter {share:.2f} of theirs, "
+             f"its lag {judged['kalman'][2]:.2f} s.")
+
+# %% [markdown]
+# So it is calmer even than the exponential smoother, which paid for its calm with lag. How can that be?
 #
 # ### Exercise 1: Exponential smoothing
 #
@@ -204,7 +210,8 @@ print(f"sideways, that is {25 * STEP_STD[0]:.2f} m/s")
 # prediction) the tracker learns how fast centre, heading and bend are changing, and predicts that they go on, so small steps
 # need not lag behind an even movement. And what is *shown* lies between where the lane was going and the new fit: an
 # **alpha-beta filter**, exponential smoothing that knows a speed. It goes a smaller part of the way for the centre, where any
-# trembling is seen, than for the bend, and a larger one when the car swerves. It costs next to no lag, because it moves along.
+# trembling is seen, than for the bend, and never leaves the paint of this frame by more than a pixel or two. It costs next to
+# no lag, because it moves along.
 #
 # And one thing is *not* smoothed but remembered: the road. A frame tells one curvature for all that it sees, which is that of
 # the middle of its view (notebook 04); a second later the car is there. `lanelib.roadmemory` keeps every look with its place and
@@ -255,21 +262,32 @@ def with_steps(times, pictures, entries, on):
     return scores([finder.process(picture) for picture in pictures], entries, on.camera)
 
 
+# %%
+tried = {}
 print("steps   motorway: error, jitter, cm    winding road: error, jitter, cm")
 for times in (0.1, 0.3, 1.0, 3.0, 10.0):
     motorway = with_steps(times, frames[:100], truth[:100], rig)
     curvy = with_steps(times, [p for p, _ in winding], [e for _, e in winding], tiny)
+    tried[times] = np.array([motorway, curvy])
     print(f"x {times:<5} {motorway[0]:14.1f} {motorway[1]:7.2f} {curvy[0]:25.1f} {curvy[1]:7.2f}")
 
+# %%
+small, large = tried[0.1] / tried[1.0], tried[10.0] / tried[1.0]
+between = np.ptp([tried[times] for times in (0.3, 1.0, 3.0)], axis=0)
+notebook.say(f"A tenth of the steps: {small[0, 0]:.1f} times the error on the motorway, {small[1, 1]:.1f} times the jitter on "
+             f"the winding road. Ten times the steps: {large[0, 0]:.1f} times the error and {large[0, 1]:.1f} times the jitter "
+             f"on the motorway, and {large[1, 0]:.1f} times the error on the winding road. Between a third and three times it "
+             f"changes by {between[0, 0]:.1f} cm and {between[1, 0]:.1f} cm.")
+
 # %% [markdown]
-# A tenth of the steps: the filter believes more in the past than in the road, and the error grows on both. Ten times the
-# steps: the prior holds hardly anything any more, and both error and jitter grow. Between them there is room: nothing hangs
-# on the exact value.
+# With small steps the filter believes more in the past than in the road, and pays where the road changes. With large ones the
+# prior holds hardly anything any more: the motorway, which needs it, loses; the winding road, where the past is of little use,
+# has the least error of all. Whoever chose on one of the two roads would choose wrong for the other; in between there is room.
 #
 # The same for the other smoothers, on the first drive: each curve is one of them with weaker and stronger smoothing. (The
 # Kalman filter here smooths recorded fits, as `explore.smoothing` does, which is quick and a little weaker than the real one.)
 
-# %% alt="Jitter against error and against lag: the average keeps its jitter while error and lag grow; exponential smoothing first gains calm and then loses it again; the Kalman filter's points lie close together at the lower left of both panels."
+# %%
 single = LaneFinder(rig, track=False)
 fits = [single.process(frame).fit for frame in frames]
 
@@ -282,15 +300,23 @@ def recorded(label, **options):
     return label, np.sqrt(np.mean(off**2)), np.sqrt(np.mean(np.diff(off) ** 2)), late
 
 
-n05.tradeoff({
+# %% alt="Jitter against error and against lag: the average and, more so, exponential smoothing first gain calm and then lose it again, while error and lag grow; the Kalman filter's points lie close together at the lower left of both panels."
+ways = {
     "average of n": [recorded(f"{n}", smoothing="average", n=n) for n in (1, 2, 3, 6, 12)],
     "exponential, α": [recorded(f"{a:g}", smoothing="exponential", alpha=a) for a in (0.8, 0.5, 0.3, 0.15)],
     "kalman, steps ×": [recorded(f"{k:g}", smoothing="kalman", step=k) for k in (3.0, 1.0, 0.3, 0.1)],
-})
+}
+n05.tradeoff(ways)
+
+# %%
+calmest = {way: min(points, key=lambda point: point[2]) for way, points in ways.items()}
+single_jitter = ways["average of n"][0][2]
+notebook.say("At its calmest " + "; ".join(f"**{way}: {best[0]}** has {best[2] / single_jitter:.2f} of the single frames' "
+             f"jitter at {best[1]:.1f} cm of error" for way, best in calmest.items()) + ".")
 
 # %% [markdown]
-# Both classic smoothers walk *right*, in error and in lag. Exponential smoothing gains calm for it, the average hardly any;
-# and with strong smoothing the jitter comes back, for an error that follows the road's movements changes from frame to
+# Both classic smoothers walk *right*, in error and in lag. Both gain calm for it, the exponential one more; and with strong
+# smoothing the jitter comes back, for an error that follows the road's movements changes from frame to
 # frame, too. There is no setting at which they win. The Kalman filter's points lie together, lower and further left.
 #
 # ### Try it
@@ -328,7 +354,7 @@ figures.contact_sheet([draw.overlay(woods[i], wooded["kalman"][i], text=False) f
 # out.
 #
 # Back to the simulator: where, along its drive, do the errors come from? (The average's error is the lane's own movement,
-# times its lag. The single frames' error is noise. What the filter keeps is little of both.)
+# times its lag. The single frames' error is noise. The filter keeps a little of both: its error is no smaller than theirs, but calm.)
 
 # %% alt="The error of the lane's centre at 20 m over time: each frame alone scatters around zero, the average is centimetres off, first to one side and then to the other, the Kalman filter stays near zero."
 figures.curves(seconds, {s: [100 * (centre_m(r) - e) for r, e in zip(results[s], exact, strict=True)]
