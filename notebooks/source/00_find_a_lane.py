@@ -267,7 +267,7 @@ notebook.say(f"Largest error of the offset: **{100 * np.abs(off).max():.2f} cm**
              f"of the curvature: **{1e3 * np.abs(bend).max():.3f} /km**.")
 
 # %% [markdown]
-# That is the easy set. Rain, night, worn paint and glare come in notebook 06, with their failures in plain sight.
+# That is the easy set. Rain, night, worn paint and glare come in notebook 06, each with its error beside it.
 #
 # ## A drive
 #
@@ -395,7 +395,7 @@ exercises.check_seconds_to_line(seconds_to_line)
 # - **No paint, no lane.** The finder then says `none` and why; it does not guess. On a road whose lines are worn away or
 #   under snow there is nothing for it to measure.
 # - **A wrong rig.** Change the height of the camera by 10 % and every metre is wrong by 10 %, with nothing in the picture
-#   to show it. Notebook 03 measures this.
+#   to show it. Notebook 08 measures this.
 # - **Hills.** The metres assume a flat road. On a crest far lines seem to close or to open.
 #
 # ## How production systems do it
@@ -417,11 +417,11 @@ exercises.check_seconds_to_line(seconds_to_line)
 # ## Three questions
 #
 # 1. The car moves half a metre to the right. What happens to $x_\text{left}$, $x_\text{right}$ and the offset?
-# 2. A program reports a radius of 300 m on a straight road and 8,000 m in a bend. Which is the worse sign?
+# 2. A program reports a radius of 8,000 m on a straight road, and 8,000 m in a bend of 450 m. Which is the worse sign?
 # 3. Why does the finder need the camera's height, when the picture shows the lane anyway?
 
 # %% [markdown] tags=["answer"]
 # 1. Both lines move 0.5 m to the left, so both $x$ become smaller by 0.5 m; the offset grows by 0.5 m.
-# 2. The second. On a straight road a radius has no meaning; noise makes it anything from 300 m upward. A bend that is
-#    found straight is wrong where it matters: the curvature is nearly zero where it should not be.
+# 2. The second. Compare curvatures: on the straight road it is off by 1/8 per km, which is next to nothing. In the bend
+#    it is 1/8 per km where it should be 1/0.45, more than 2 per km: a bend that is found straight.
 # 3. A picture has no scale: a lane half as wide under a camera half as high looks the same. The height gives the metres.

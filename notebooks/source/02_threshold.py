@@ -472,5 +472,5 @@ exercises.check_yellow(yellow_mask)
 #    pixels that are neither found nor paint.
 # 2. At the edge of a shadow the mean lies halfway, so every such edge would be a ridge on its bright side. The brighter
 #    side makes it zero.
-# 3. Neither needs raising first. A fit can bridge missing paint (dashes are missing two thirds of the way), but false
+# 3. Neither needs raising first. A fit can bridge missing paint (dashes are missing three quarters of the way), but false
 #    pixels that lie on a line of their own pull it away. Below a few metres of paint per line, recall begins to matter.

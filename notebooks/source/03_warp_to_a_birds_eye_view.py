@@ -148,21 +148,33 @@ exercises.check_map_point(map_through)
 # ## Where the classic numbers come from
 #
 # The four points were found by eye on one straight frame of one car, so that the lines came out parallel. **3.7 m** is
-# a lane of 12 ft, the usual width of a US motorway lane: sound. **30 m** was a guess, "about this far", printed in a
-# lesson and copied since. With a calibrated camera of known mounting there is no need to guess. Where on the road are
-# the four points really? For the drive they were made for, and for ours:
+# a lane of 12 ft, the usual width of a US motorway lane: sound, if the points lie on its lines. **30 m** was a guess,
+# "about this far", printed in a lesson and copied since. With a calibrated camera of known mounting there is no need to
+# guess. Where on the road are the four points really? For the drive they were made for, and for ours:
 
 # %%
-for name in ("udacity", "rendered"):
-    one = Rig.load(datasets.project_root() / "rigs" / f"{name}.json")
+rigs = {name: Rig.load(datasets.project_root() / "rigs" / f"{name}.json") for name in ("udacity", "rendered")}
+for name, one in rigs.items():
     far_left, far_right, near_right, near_left = one.birdseye.road_from_points(CLASSIC_SOURCE * one.size_wh)
     length = (far_left + far_right - near_left - near_right)[1] / 2
     print(f"{name:9} from {near_left[1]:.1f} m to {far_left[1]:.1f} m: {length:.1f} m long, "
           f"{near_right[0] - near_left[0]:.2f} m wide at its lower edge")
 
 # %% [markdown]
-# More than 30 m in both, and nothing in the picture said so. By exercise 1, all radii measured that way on that drive
-# came out at $(30/37)^2 \approx \tfrac23$ of the truth, before any other error. Now the derivation, in four steps.
+# Longer than 30 m in both, wider than 3.7 m, too, and nothing in the picture said so. What do the two errors do to a
+# radius $R = y^2 / 2x$? The length counts with its square and makes it too small, the width makes it too large. Let us
+# look at a true bend of 1 km through the four points.
+
+# %%
+y = np.linspace(6, 38, 50)
+bend = np.column_stack([1000 - np.sqrt(1000**2 - y**2), y])
+for name, one in rigs.items():
+    x, ahead = BirdsEye.classic(one.size_wh).road_from_points(one.birdseye.points_from_road(bend)).T
+    print(f"{name:9} a bend of 1 km comes out at {1 / abs(2 * np.polyfit(ahead, x, 2)[0]) / 1000:.2f} km")
+
+# %% [markdown]
+# One error hides a part of the other, on one car more and on another less. Nobody planned that, and no one who only sees
+# the picture can know it. Now the derivation, in four steps.
 
 # %% [markdown]
 # ## The road from the side
@@ -358,8 +370,9 @@ z = 0.02 * (30 - 15)
 print(f"rising 2 %: 30 m look like {30 * height / (height - z):.0f} m; falling 2 %: like {30 * height / (height + z):.0f} m")
 
 # %% [markdown]
-# From one picture a rising road and a camera that looks up are hard to tell apart; the lane's width tells (both lines
-# open), and that is why two lines are worth more than one. Beyond the point where the grade changes, distances, and
+# From one picture a rising road and a camera that looks further down are hard to tell apart: both open the lane, as a
+# falling road and a camera that looks up close it. A single line would show neither, and that is why two lines are worth
+# more than one. Beyond the point where the grade changes, distances, and
 # with them curvature, are guesses. Take what is near, and say how sure you are.
 
 # %% [markdown]
@@ -409,7 +422,7 @@ n03.views(undistorted, {"rig": BirdsEye(rig.birdseye.road_from_image, rig.size_w
 # - A homography has eight unknowns and needs four points; after it, divide by $w$.
 # - The lines' meeting point gives pitch and yaw, the lane's width the height: metres per pixel are *derived*, $h/d$
 #   across and $fh/d^2$ along.
-# - The classic 30 m are 33 to 37 m; curvature is off by the square of that.
+# - The classic 30 m are 33 to 37 m, which a radius feels squared; its 3.7 m are more, too, and hide a part of that.
 # - Parallel lines check the pitch, dashes check the length. Neither needs any truth.
 # - $\Delta y / y = (y/h)\,\delta$: half a degree is metres at 30 m.
 #

@@ -11,8 +11,9 @@
 # curvature, offset and width with their uncertainty; break every sanity check on purpose; fit one lane instead of two
 # lines.
 #
-# **What you will learn:** what least squares assumes; where the formula of the radius of curvature comes from and the
-# four ways to be ten times off; why two independent fits fail on ordinary roads, and what a joint model gains.
+# **What you will learn:** what least squares assumes; where the formula of the radius of curvature comes from, and
+# which units make it ten or five hundred times too large; why two independent fits fail on ordinary roads, and what a
+# joint model gains.
 #
 # **What you need:** notebooks 02 and 03, or the words "mask" and "bird's-eye view in metres"; a little calculus and
 # linear algebra.
@@ -98,9 +99,17 @@ said = [f"The {side} line: radius {line.radius_m() / 1000:.3f} km." for side, li
 notebook.say(" ".join(said) + f" The truth is {here['radius_m'] / 1000:.3f} km for both.")
 
 # %% [markdown]
-# Both are useless. Least squares gives every white pixel a vote, and most of them are not lane line: the road's edge,
-# grain of the asphalt, the dashes of the *next* lane. So two questions come before any fit: **which pixels belong to
-# which line**, and **what to do with those that do not belong to any**.
+# Both are useless. Least squares gives every white pixel a vote. How many of them have any business to vote?
+
+# %%
+on_line = [np.abs(x - np.interp(y, *np.array(line).T[::-1])) < 0.25 for line in here["lanes_road_m"]]
+left, right = on_line[0][x < 0].mean(), on_line[1][x >= 0].mean()
+notebook.say(f"Of the white pixels on the left {left:.2f} lie within 25 cm of the true line, on the right {right:.2f}.")
+
+# %% [markdown]
+# The others are the road's edge, grain of the asphalt, the dashes of the *next* lane. On the right they win by number; on
+# the left a minority is enough, because it lies far from the line. So two questions come before any fit: **which pixels
+# belong to which line**, and **what to do with those that do not belong to any**.
 #
 # ## Which pixels? The histogram
 #
@@ -191,9 +200,13 @@ seen = {title: search.sliding_windows(mask, n_windows=n, margin_px=margin_m / gr
         for title, (n, margin_m) in settings.items()}
 figures.show({title: draw.draw_windows(mask, pixels) for title, pixels in seen.items()}, columns=4, width=8.5)
 
+# %%
+far = {title: grid.y_m[pixels.right_xy[:, 1].astype(int)].max() for title, pixels in seen.items()}
+notebook.say("The right line is followed to " + ", ".join(f"{y:.1f} m ({title})" for title, y in far.items()) + ".")
+
 # %% [markdown]
-# With three windows even the solid line leaves its window. With eighteen the far dash of the right line is found, with nine
-# it is missed: luck, where a window happens to end. A margin of 1.5 m finds it, too, and on another frame a barrier
+# With three windows even the solid line leaves its window. With eighteen the far dash of the right line is missed as with
+# nine: lower windows do not make the gap before it shorter. A margin of 1.5 m finds it, and on another frame a barrier
 # with it. No setting is right for all roads; about one dash a window is the usual choice.
 #
 # ## Search around the last lane
@@ -221,7 +234,7 @@ figures.show({title: draw.draw_windows(mask, pixels) for title, pixels in around
 # $$\frac{\partial}{\partial p} \lVert x - Jp \rVert^2 = -2 J^T (x - Jp) = 0 \quad\Rightarrow\quad J^T J\, p = J^T x .$$
 #
 # These *normal equations* are right when errors are independent and Gaussian. A reflector two metres beside the line is
-# neither, and it counts with its square: one pixel 2 m off pulls as hard as 400 pixels 10 cm off. A **robust** fit
+# neither, and it counts with its square: one pixel 2 m off costs as much as 400 pixels 10 cm off. A **robust** fit
 # gives a point with a large residual a small weight and repeats. Tukey's biweight gives it none at all:
 #
 # $$w(r) = \left(1 - (r / c)^2\right)^2 \text{ for } |r| < c, \text{ else } 0; \qquad c = 4.685\, s .$$
@@ -293,14 +306,14 @@ radii_m = {
     "metres, mean of two curvatures": Lane(left, right).radius_m,
 }
 
-# %% alt="Bars of the radius by five ways: in pixels several kilometres or more, x in metres and y in pixels over a hundred kilometres, and 0.4 to 0.5 km for the ways in metres; the truth is 0.45 km."
+# %% alt="Bars of the radius by five ways: in pixels several kilometres or more, x in metres and y in pixels over a hundred kilometres, and 0.5 to 0.7 km for the ways in metres; the truth is 0.45 km."
 figures.bars({way: radius / 1000 for way, radius in radii_m.items()} | {"truth": here["radius_m"] / 1000},
              unit="radius of curvature, km", highlight="truth", log=True)
 
 # %% [markdown]
 # Expected: about 0.45 km. Values of several km, or of a hundred, mean mixed units: 8,000 m on such a bend is a bug, not
 # an inaccuracy. The ways in metres are of the right size; what they lack is a better right line, not other units (the legend
-# of the figure after next tells the radius of each line). Yet averaging radii is a trap, as soon as one line is nearly
+# of the next figure tells the radius of each line). Yet averaging radii is a trap, as soon as one line is nearly
 # straight: curvatures of 1 and 0.06 per km (a bend of 1 km, one line badly seen) have the mean 0.53 per km, which is a
 # radius of 1.9 km, and bad enough. Their radii are 1 km and 16.7 km, with the mean **8.8 km**. A straight road has no
 # radius at all, but it has a curvature: 0. So: average curvatures, never radii.
@@ -444,9 +457,9 @@ for n in ("test1.jpg", "test2.jpg", "test6.jpg"):
 
 # %% [markdown]
 # The parabola is wrong, not the pixels. Roads are *clothoids*: their curvature changes along the way, here it grows, and
-# a parabola of 40 m says the mean of what comes, not what is at the car. No amount of better paint cures that; a third
-# coefficient can (`rate` in the joint model below), where there are frames enough to know it. This is how one finds out what an error is made of: replace one
-# step by the truth and look at what stays. Notebook 06 does it with every step.
+# a parabola of 40 m says the mean of what comes, not what is at the car. No amount of better paint cures that; a third-order
+# term can (`rate` in the joint model below), where there are frames enough to know it. This is how one finds out what an
+# error is made of: replace one step by the truth and look at what stays. Notebook 06 does it with every step.
 
 # %% [markdown]
 # ## Sanity checks
@@ -628,17 +641,20 @@ notebook.say(f"Fitted: offset {result.offset_m:+.2f} m, width {result.width_m:.2
 # a car that nods by 0.3° (as cars do). The same frames, the same recipe for paint; two lines against one lane.
 
 # %%
-rng, lateral = np.random.default_rng(4), {"two lines": [], "one lane": []}
+rng, lateral, lost = np.random.default_rng(4), {"two lines": [], "one lane": []}, {}
 apart = LaneFinder(small, model="windows", track=False)
 for i in range(20):
-    wear, pitch_deg = rng.uniform(0.2, 0.8, 2), base.mounting.pitch_deg + rng.normal(0, 0.3)
+    wear, nod_deg = rng.uniform(0.2, 0.8, 2), rng.normal(0, 0.3)
     scene = {"left": Marking(-1.83, "yellow", wear=wear[0]), "seed": i,
              "right": Marking(1.83, "white", gap_m=10.97, phase_m=rng.uniform(0, 14.6), wear=wear[1]),
-             "pose": CarPose(50.0, rng.uniform(-0.4, 0.4)), "mounting": replace(base.mounting, pitch_deg=pitch_deg)}
+             "pose": CarPose(50.0, rng.uniform(-0.4, 0.4)),
+             "mounting": replace(base.mounting, pitch_deg=base.mounting.pitch_deg + nod_deg)}
     picture, entry = drive(rng.choice([-1, 1]) * rng.uniform(150, 900), **scene)
     for what, this in (("two lines", apart.process(picture)), ("one lane", finder.process(picture))):
         x = [this.lane.left.x(20), this.lane.right.x(20)] if this else [np.nan, np.nan]
         lateral[what].append(100 * (np.array(x) - true_x(entry, 20)))
+        if not this:
+            lost[what, nod_deg] = this.reason
 
 # %% alt="Errors at 20 m as dots in two rows: two separate lines scatter by up to tens of centimetres, one joint lane lies within about two centimetres."
 n04.dots(lateral, unit="error of each line at 20 m, cm", limit=40, title="twenty roads, two lines each")
@@ -651,8 +667,17 @@ for what, values in lateral.items():
           f"{np.nanpercentile(values, 90):.1f} cm, no lane in {none:.2f} of the frames")
 
 # %% [markdown]
-# About a tenth of the error, and no frame lost: the solid line carries the dashed one, and what the checks threw away as
-# "not parallel" was the car's nod. Notebook 06 takes the ideas away one by one and measures what each
+# And the frames that were lost? By notebook 03 a nod of $\delta$ widens the lane over $y$ by about $w\,y\,\delta / h$.
+
+# %%
+for (what, nod_deg), reason in lost.items():
+    widens_m = 3.66 * 20 * np.radians(nod_deg) / base.mounting.height_m
+    print(f"{what}, nod {nod_deg:+.2f}°, {widens_m:+.2f} m in 20 m: {reason}")
+
+# %% [markdown]
+# About a tenth of the error, and no frame lost: the solid line carries the dashed one. A nod alone would explain the second
+# of these three, and one lane keeps it, because it knows of nods. The other two are dashed lines gone astray, and one lane
+# keeps them, because its dashed line cannot. Notebook 06 takes the ideas away one by one and measures what each
 # is worth.
 #
 # ## What you have learned

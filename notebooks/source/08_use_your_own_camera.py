@@ -33,7 +33,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lanelib import LaneFinder, Rig, datasets, draw, evaluate, exercises, explore, figures
+from lanelib import BirdsEye, LaneFinder, Rig, datasets, draw, evaluate, exercises, explore, figures
 from lanelib.calibration import calibrate
 from lanelib.dashes import dash_period
 from lanelib.errors import LanelibError
@@ -205,8 +205,9 @@ print(str(said).replace("; ", ";\n    "))
 #
 # ## Check it, without any truth
 #
-# On your own road nobody hands you the truth. But you know four things about straight road: its lines are straight, they
-# are parallel, they are a lane apart, and its dashes have a period. Each error of a rig breaks another one of them.
+# On your own road nobody hands you the truth. But you know five things about a drive on straight road: its lines are
+# straight, they are parallel, they are a lane apart, its dashes have a period, and the car drives along it. Each error of a
+# rig breaks its own choice of them.
 
 # %%
 m = own.mounting
@@ -258,14 +259,27 @@ exercises.check_diagnosis(diagnosis)
 # %% [markdown]
 # ## Put the rig right by hand
 #
-# No straight road on your clip, or a lane whose lines `lanelib rig` does not find? Then drag the four corners onto a
-# rectangle of the road, until the lines from above are straight and parallel. (Corners also move with the arrow keys.)
+# A straight road whose lines `lanelib rig` does not find? Then you be the finder: drag the four corners onto the lane's
+# lines, two far and two near, until the lines from above are upright. (Corners also move with the arrow keys.)
 
 # %% tags=["nbval-ignore-output"]
-explore.warp(frame, mine, truth)
+by_hand = explore.warp(frame, mine, truth)
+by_hand
 
-# %% alt="The frame and its bird's-eye view with your rig: lines straight and parallel."
-n08.rigs_from_above({"my_rig.json": mine, "guess.json": Rig.load(folder / "guess.json")}, frame)
+# %% [markdown]
+# The explorer keeps nothing. By notebook 03 two lines and the lane's width are all that a rig needs. Here it goes beside
+# `my_rig.json`; save yours under that name, and the commands below take it.
+
+# %%
+far_left, far_right, near_right, near_left = by_hand.state["corners"]
+seen = BirdsEye.from_straight_lines(mine.camera, [near_left, far_left], [near_right, far_right], lane_width_m=3.66)
+dragged = Rig(mine.camera, seen, "by_hand", "corners on the lines of straight_lines1.jpg")
+print("wrote", dragged.save(folder / "by_hand.json").name)
+print(", ".join(f"{key} {value:.2f}" for key, value in dragged.mounting.items() if key != "roll_deg"))
+
+# %% alt="The road from above with three rigs, lines straight and parallel in each."
+files = [folder / f"{name}.json" for name in ("my_rig", "by_hand", "guess")]
+n08.rigs_from_above({file.name: Rig.load(file) for file in files}, frame)
 
 # %% [markdown]
 # ## Run your drive
