@@ -144,5 +144,5 @@ def machine() -> list[str]:
         f"{model}, {os.cpu_count()} cores, {psutil.virtual_memory().total / 2**30:.0f} GB, {platform.system()}",
         f"Python {platform.python_version()}, numpy {np.__version__}, OpenCV {cv2.__version__}, "
         f"ffmpeg {version.stdout.split()[2]}",
-        f"one thread; processor time, not wall time; other processes were running (load {load:.1f})",
+        f"one thread; processor time, not wall time; load of the machine {load:.1f}",
     ]
