@@ -33,7 +33,8 @@ from lanelib.video import VideoWriter, read_frames
 
 SET = "rendered"  # the set that is shipped: rendered pictures whose truth is known exactly
 JPEG_QUALITY = 80  # of stored figures: a road picture 10 in wide takes about 60 kB, and nobody sees the difference
-SIMULATED = "simulated_v3"  # change it when the simulated drive changes: the old one is then made again
+# Change it when the simulated drive changes, or how videos are written: the old one is then made again
+SIMULATED = "simulated_v4"
 SPEED_MPS, FPS = 25.0, 25.0  # 90 km/h at 25 frames a second: 1 m a frame
 
 
