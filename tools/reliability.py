@@ -299,7 +299,7 @@ def full_disk(place: Path) -> dict:
                 found["faults injected"] += 1
                 if process.returncode not in (0, 2) or not all(e.startswith("lanelib: ") for e in err.splitlines()):
                     found["crashes"].append(f"{size}: {line}: exit code {process.returncode}, said {err[-160:]!r}")
-                found["files"] += sum(p.name.startswith(".") for p in disk.iterdir())  # rows kept on purpose have no dot
+                found["files"] += sum(p.name.startswith(".") for p in disk.iterdir())  # kept rows have no dot
                 for path in disk.iterdir():
                     path.unlink()
         finally:
