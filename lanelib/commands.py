@@ -349,7 +349,7 @@ def evaluate(args: argparse.Namespace, console: Console) -> int:
     if to_file:
         check_place(args.json, sources=[args.labels, args.labels / "truth.json", args.predictions])
     found = evaluation.evaluate(args.labels, args.predictions)
-    if args.json is None or str(args.json) != "-":
+    if args.json is None or to_file:
         console.result(found)
     if args.json is not None:
         text = json.dumps(found.to_dict(), indent=1) + "\n"

@@ -225,8 +225,9 @@ def displayed(width: int, height: int, text: str) -> tuple[int, int]:
     drawn out. `text`: ffmpeg's description of the stream."""
     aspect = re.search(r"SAR (\d+):(\d+)", text)
     ratio = int(aspect[1]) / int(aspect[2]) if aspect and int(aspect[1]) and int(aspect[2]) else 1.0
-    wide, high = 2 * round(width * max(ratio, 1.0) / 2), 2 * round(height / min(ratio, 1.0) / 2)
-    return (wide if ratio > 1 else width), (high if ratio < 1 else height)
+    if ratio > 1:
+        return 2 * round(width * ratio / 2), height
+    return width, 2 * round(height / ratio / 2) if ratio < 1 else height
 
 
 def _parse(path: Path, said: str) -> VideoInfo:

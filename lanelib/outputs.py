@@ -11,7 +11,7 @@ from typing import IO
 
 from lanelib import datasets, rigs
 from lanelib.errors import LanelibError, one_line
-from lanelib.parts import is_special, part_of, remove_abandoned
+from lanelib.parts import is_special, numbered, part_of, remove_abandoned
 
 OUTPUT = "lanelib_output"  # folder of results of pictures that are of no data set, without -o
 
@@ -186,10 +186,7 @@ def free_name(path: Path, taken: set[str]) -> Path:
 
     `A.jpg` and `a.jpg` count as one name, as on macOS and Windows; `taken` holds the names in small letters.
     """
-    free, n = path, 1
-    while str(free).casefold() in taken:
-        n += 1
-        free = path.with_name(f"{path.stem}-{n}{path.suffix}")
+    free = next(name for name in numbered(path) if str(name).casefold() not in taken)
     taken.add(str(free).casefold())
     return free
 

@@ -8,7 +8,9 @@ it away.
 import os
 import re
 import stat
+from collections.abc import Iterator
 from contextlib import suppress
+from itertools import count
 from pathlib import Path
 
 NAME_BYTES = 200  # of the final name at most: with dot, number and ending it stays below the 255 that systems allow
@@ -33,15 +35,17 @@ def is_special(path: Path) -> bool:
     return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
 
 
+def numbered(path: Path) -> Iterator[Path]:
+    """`path`, NAME-2, NAME-3 … without end."""
+    yield path
+    yield from (path.with_name(f"{path.stem}-{n}{path.suffix}") for n in count(2))
+
+
 def set_aside(part: Path, final: Path) -> Path:
     """Where the finished `part` is now: NAME-2, NAME-3 … beside `final`, whose name it could not have; where it was,
     if even that cannot be."""
-    free, n = final, 1
-    while free.exists():
-        n += 1
-        free = final.with_name(f"{final.stem}-{n}{final.suffix}")
     try:
-        return part.rename(free)
+        return part.rename(next(name for name in numbered(final) if not name.exists()))
     except OSError:
         return part
 
