@@ -34,6 +34,7 @@ from lanelib.outputs import (
     raw_names,
     refuse_one_name,
     refuse_same,
+    taken_names,
     video_output,
     with_folders,
 )
@@ -123,7 +124,7 @@ def image(args: argparse.Namespace, console: Console) -> int:
     recipe_by_name(args.recipe)
     refuse_one_name(args.output, args.pictures, datasets.PICTURE_SUFFIXES, "pictures")
     failed = 0
-    taken: set[str] = set()
+    taken = taken_names(args.json)
     sources = [*args.pictures, *_rig_files(args)]
     read = identities(sources)
     chooser = rigs.RigChooser(args.rig, args.pictures, console.note)
@@ -139,9 +140,9 @@ def image(args: argparse.Namespace, console: Console) -> int:
                     result = finders[id(rig)].process(frame)
                     write_row(result.to_row(raw_file))
                     out = free_name(picture_output(path, args.output, alone=len(args.pictures) == 1), taken)
-                    refuse_same(out, read)
                     make_folder(out.parent)
-                    wrote = write_pictures(frame, result, finders[id(rig)], out, with_stages=args.stages)
+                    finder = finders[id(rig)]
+                    wrote = write_pictures(frame, result, finder, out, with_stages=args.stages, read=read)
                     more = f" and {len(wrote) - 1} stages" if len(wrote) > 1 else ""
                     console.result(f"{path}: {describe(result)}; wrote {out}{more}")
             except LanelibError as error:
@@ -174,7 +175,7 @@ def video(args: argparse.Namespace, console: Console) -> int:
     recipe_by_name(args.recipe)
     refuse_one_name(args.output, args.videos, datasets.VIDEO_SUFFIXES, "videos")
     failed = 0
-    taken: set[str] = set()
+    taken = taken_names(args.json)
     sources = [*args.videos, *_rig_files(args)]
     outputs = [None if args.no_video else free_name(video_output(path, args.output), taken) for path in args.videos]
     read = identities(sources)

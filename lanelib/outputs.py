@@ -4,7 +4,7 @@ import json
 import os
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
@@ -141,9 +141,9 @@ def identities(paths: Iterable[Path]) -> set[tuple[int, int]]:
     return found
 
 
-def refuse_same(out: Path, sources: set[tuple[int, int]]) -> None:
+def refuse_same(out: Path, sources: Collection[tuple[int, int]]) -> None:
     """LanelibError where `out` is one of the files that are read, given by their `identities`."""
-    if identities([out]) & sources:
+    if not identities([out]).isdisjoint(sources):
         raise LanelibError(
             f"{out}: needed another file for the output than for the input, found the same; choose another -o"
         )
@@ -179,6 +179,11 @@ def video_output(path: Path, given: Path | None) -> Path:
     if given is not None and given.suffix.lower() in datasets.VIDEO_SUFFIXES and not given.is_dir():
         return given
     return _folder_for(path, given, "output_videos") / f"{path.stem}.mp4"
+
+
+def taken_names(json: Path | None) -> set[str]:
+    """For `free_name`: what a run writes beside its pictures or videos."""
+    return set() if json is None else {str(json).casefold()}
 
 
 def free_name(path: Path, taken: set[str]) -> Path:

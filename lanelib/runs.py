@@ -3,7 +3,7 @@
 import statistics
 import time
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -13,6 +13,7 @@ import numpy as np
 from lanelib import draw, stages
 from lanelib.errors import LanelibError
 from lanelib.finder import LaneFinder, LaneResult, Rig
+from lanelib.outputs import refuse_same
 from lanelib.pictures import write_image
 from lanelib.pipeline import Summary, process_video
 from lanelib.video import probe
@@ -60,19 +61,28 @@ TALLY_HEAD = ["", "frames", "measured", "held", "none", "confidence", "ms a fram
 
 
 def write_pictures(
-    frame: np.ndarray, result: LaneResult, finder: LaneFinder, out: Path, *, with_stages: bool = False
+    frame: np.ndarray,
+    result: LaneResult,
+    finder: LaneFinder,
+    out: Path,
+    *,
+    with_stages: bool = False,
+    read: Collection[tuple[int, int]] = (),
 ) -> list[Path]:
     """Draw the result of one frame (H, W, 3) BGR to `out`; returns what was written.
 
-    `with_stages`: also every intermediate picture beside it, numbered in the order of the pipeline.
+    `with_stages`: also every intermediate picture beside it, numbered in the order of the pipeline. LanelibError,
+    before anything is written, where one of them would replace a file that is `read` (`outputs.identities`).
     """
-    wrote = [write_image(out, draw.overlay(frame, result))]
+    pictures = {out: draw.overlay(frame, result)}
     if with_stages:
-        pictures = stages.stages(frame, finder, result)
-        pictures["diagnostic"] = draw.diagnostic(frame, pictures, result)
-        for number, (name, picture) in enumerate(list(pictures.items())[1:], 1):  # the first is the frame itself
-            wrote.append(write_image(out.with_name(f"{out.stem}_{number}_{name}.jpg"), picture))
-    return wrote
+        views = stages.stages(frame, finder, result)
+        views["diagnostic"] = draw.diagnostic(frame, views, result)
+        for number, (name, picture) in enumerate(list(views.items())[1:], 1):  # the first is the frame itself
+            pictures[out.with_name(f"{out.stem}_{number}_{name}.jpg")] = picture
+    for path in pictures:
+        refuse_same(path, read)
+    return [write_image(path, picture) for path, picture in pictures.items()]
 
 
 def run_video(

@@ -18,15 +18,16 @@ def main():
     parser.add_argument("--frames", type=int, help="video: stop after so many frames")
     parser.add_argument("--every", type=int, default=1, help="video: only every n-th frame (previews)")
     parser.add_argument("--cameras", type=int, default=12, help="strangers: how many, five pictures each")
-    parser.add_argument("--first", type=int, default=12, help="strangers: the first one; those before 12 are known")
+    parser.add_argument("--first", type=int, help="strangers: the first one (default: the first that nobody looked at)")
     a = parser.parse_args()
     if a.shrink > 1 and a.to is None:
         parser.error("a preview (--shrink) needs a folder of its own: --to FOLDER")
+    folder = {"folder": a.to} if a.to else {}
     options = {k: v for k, v in (("spp", a.spp), ("shrink", a.shrink), ("force", a.force)) if v is not None}
     if a.what in ("boards", "all"):
         from .boards import render_boards
 
-        render_boards(a.names, **options, **({"folder": a.to} if a.to else {}))
+        render_boards(a.names, **options, **folder)
     if a.what in ("rig", "all"):
         from .rig import write_rig
 
@@ -34,7 +35,7 @@ def main():
     if a.what in ("stills", "all"):
         from .stills import render_stills
 
-        render_stills(a.names, **options, **({"folder": a.to} if a.to else {}))
+        render_stills(a.names, **options, **folder)
     if a.what in ("video", "all"):
         from .clips import render_clips
 
@@ -47,7 +48,8 @@ def main():
     if a.what == "strangers":
         from .strangers import render_strangers
 
-        render_strangers(a.cameras, first=a.first, spp=a.spp or 6, **({"folder": a.to} if a.to else {}))
+        first = {} if a.first is None else {"first": a.first}
+        render_strangers(a.cameras, spp=a.spp or 6, **first, **folder)
     if a.what == "check":
         from .check import check
 

@@ -152,6 +152,23 @@ def test_stages_are_numbered_pictures(place, capsys):
     assert names[0] == "road.jpg" and names[1].startswith("road_1_")
 
 
+def test_stages_replace_no_picture_that_is_read(place, capsys):
+    run("image", "road.png", "--rig", "rig.json", "-o", "out", "--stages", capsys=capsys)
+    stage = next(Path("out").glob("road_*_mask.jpg"))
+    as_before = stage.read_bytes()
+    Path("in").mkdir()
+    os.link(stage, "in/linked.jpg")
+    arguments = ["road.png", "in/linked.jpg", "--rig", "rig.json", "-o", "out", "--stages", "--quiet"]
+    refused(capsys, "image", *arguments, match=f"{stage}: needed another file for the output", lines=2)
+    assert stage.read_bytes() == as_before
+
+
+def test_pictures_and_rows_of_one_run_have_two_names(place, capsys):
+    run("image", "road.png", "--rig", "rig.json", "-o", "both.jpg", "--json", "both.jpg", capsys=capsys)
+    assert json.loads(Path("both.jpg").read_text())["raw_file"] == "road.png"
+    assert cv2.imread("both-2.jpg") is not None
+
+
 def test_one_bad_picture_does_not_stop_the_others(place, capsys):
     data = Path("road.png").read_bytes()
     Path("cut.png").write_bytes(data[: len(data) // 2])
