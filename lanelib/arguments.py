@@ -93,7 +93,7 @@ def _image(commands) -> None:
         "Find the lane in pictures, each on its own, and draw it. A picture that cannot be used is "
         "reported, the others are done, and the exit code is 2.",
         "lanelib image test_images/udacity/*.jpg -o out --stages\n"
-        "lanelib image road.jpg --rig rigs/udacity.json --json -",
+        "lanelib image road.jpg --rig udacity --json -",
         RIG_HELP,
         OVERWRITE_HELP,
     )
@@ -103,8 +103,9 @@ def _image(commands) -> None:
         "-o",
         "--output",
         type=_path,
-        metavar="DIR",
-        help="folder of the results (default: output_images/SET for pictures of a data set, else lanelib_output)",
+        metavar="DIR|PICTURE",
+        help="folder of the results (default: output_images/SET for pictures of a data set, else lanelib_output); for "
+        "one picture also a name that ends in .jpg or .png",
     )
     p.add_argument(
         "--stages",
@@ -123,7 +124,7 @@ def _video(commands) -> None:
         "Follow the lane through videos and draw it: H.264 that plays in a browser, with the sound and "
         "the times of the source. A damaged video is done as far as it can be read; one that ends too "
         "early gives exit code 2.",
-        "lanelib video drive.mp4 -o annotated.mp4 --rig rigs/udacity.json\n"
+        "lanelib video drive.mp4 -o annotated.mp4 --rig udacity\n"
         "lanelib video drive.mp4 --view diagnostic --start 20 --end 30\n"
         "lanelib video drive.mp4 --no-video --json lanes.jsonl",
         RIG_HELP,
@@ -184,7 +185,7 @@ def _rig(commands) -> None:
         "Make a rig, the camera and how it sees the road, from a frame or better a clip of fairly "
         "straight, marked road. The lane's width is the scale. Without a calibration (--camera none) the "
         "focal length is assumed, and said.",
-        "lanelib rig straight_lines1.jpg --camera calibration.json -o my_rig.json\n"
+        "lanelib rig straight_road.jpg --camera camera.json -o my_rig.json\n"
         "lanelib rig dashcam.mp4 --camera none --lane-width 3.5 -o my_rig.json",
         OVERWRITE_HELP,
     )
@@ -220,7 +221,10 @@ def _evaluate(commands) -> None:
     )
     p.add_argument("labels", type=_path, metavar="LABELS", help="JSON lines, a truth.json, or its folder")
     p.add_argument(
-        "predictions", type=_path, metavar="PREDICTIONS", help="JSON lines; matched by raw_file, else by its last part"
+        "predictions",
+        type=_path,
+        metavar="PREDICTIONS|-",
+        help="JSON lines (-: from stdin); matched by raw_file, else by its last part",
     )
     p.add_argument("--json", type=_path, metavar="FILE|-", help="the figures as JSON")
     _quiet(p)

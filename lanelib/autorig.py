@@ -30,7 +30,8 @@ from lanelib.rig import Rig
 from lanelib.vanishing import candidates, height_prior
 
 LANE_WIDTH_M = 3.7  # 12 ft, US motorways (AASHTO Green Book)
-# dashboard cameras, cropped to 16:9, look 50-70 degrees wide; only lengths along the road depend on it
+# dashboard cameras, cropped to 16:9, look 50-70 degrees wide (phones along their longer side, however they are held);
+# only lengths along the road depend on it
 HFOV_DEG = 60.0
 STRAIGHT_1PM = 1 / 1500  # the lane leaves a straight line by 0.3 m in 30 m
 CURVED_1PM = 1 / 150  # beyond, heading at the car and the bend trade places in the fit
@@ -43,6 +44,7 @@ UNCERTAIN_PITCH, UNCERTAIN_HEADING = np.deg2rad((0.5, 1.5))  # standard deviatio
 CLIMBS, CLIMB_STEP = 4, 0.05
 # rad, of one frame: how parallel to its lane a car drives, how much it nods
 CAR_HEADING, CAR_PITCH = 0.008, 0.004
+FEW_FRAMES = 5  # fewer than that, of a clip, are worth a word
 SEARCH_FRAMES, MAXIMUM_FRAMES = 8, 48  # of a clip, evenly spaced: to find the rig, and to refine it
 
 
@@ -202,8 +204,9 @@ def find_rig(
     straight road.
 
     ``camera``: its calibration, or None: no distortion, principal point in the middle, the focal length that
-    ``hfov_deg`` gives; with ``dash_period_m`` (see ``DASH_PERIODS_M``) the one that gives the dashes that period.
-    The car is taken to drive parallel to its lane: of one frame that is an assumption, over a clip it averages out.
+    ``hfov_deg`` along the picture's longer side gives; with ``dash_period_m`` (see ``DASH_PERIODS_M``) the one that
+    gives the dashes that period. The car is taken to drive parallel to its lane: of one frame that is an assumption,
+    over a clip it averages out.
     Roll is taken as 0.
 
     Raises LanelibError where the frames do not allow it: no pair of lines, only curves, different sizes, no frame.
@@ -264,8 +267,10 @@ def _usable(frames_bgr, camera, lane_width_m, hfov_deg):
         raise LanelibError(
             f"a rig needs pictures of at least 100x100, found {size_wh[0]}x{size_wh[1]}; give the camera's own"
         )
-    known = Camera.ideal(size_wh, hfov_deg=hfov_deg) if camera is None else camera.scaled(size_wh)
-    return frames, known, camera is None
+    if camera is not None:
+        return frames, camera.scaled(size_wh), False
+    wide = Camera.ideal(sorted(size_wh, reverse=True), hfov_deg=hfov_deg)  # a phone held upright has the same lens
+    return frames, Camera.ideal(size_wh, focal_px=float(wide.camera_matrix[0, 0])), True
 
 
 def _estimate(rig, used, frames, dash, focal_std, lane_width_m, assumed, dash_period_m) -> RigEstimate:
@@ -301,8 +306,12 @@ def _estimate(rig, used, frames, dash, focal_std, lane_width_m, assumed, dash_pe
         f"yaw {m['yaw_deg']:.2f} +- {std['yaw_deg']:.2f} deg",
         f"focal length {focal:.0f} px ({how})",
         f"from {len(used)} of {len(frames)} frame{'s'[: len(frames) > 1]}",
-        repr(dash),
+        dash.compared(dash_period_m),
     ]
+    if len(used) < FEW_FRAMES and len(used) < len(frames) / 5:
+        words.append(
+            "little straight road with both lines was seen: yaw and pitch are less certain; give a clip of more of it"
+        )
     if bend > STRAIGHT_1PM:
         words.append(f"no straight road seen, the straightest has a radius of {1 / bend:.0f} m: yaw is less certain")
     notes = "; ".join(words)

@@ -81,7 +81,8 @@ def _complain(what: object, error: BaseException) -> None:
 def _ended_by(came: Sequence[int], error: BaseException) -> int:
     terminated = signal.SIGTERM in came
     how = "ended by a signal" if terminated else "interrupted"
-    _complain(how if hasattr(error, "__notes__") else f"{how}; nothing half-written was left", error)
+    kept = "an unfinished video is not kept" if hasattr(error, "__notes__") else "nothing half-written was left"
+    _complain(f"{how}; {kept}", error)
     return TERMINATED if terminated else INTERRUPTED
 
 

@@ -350,6 +350,9 @@ def evaluate(args: argparse.Namespace, console: Console) -> int:
     if to_file:
         check_place(args.json, sources=[args.labels, args.labels / "truth.json", args.predictions])
     found = evaluation.evaluate(args.labels, args.predictions)
+    if found.unpredicted:
+        n = len(found.frames)
+        console.note(f"{found.unpredicted} of {n} labelled frames have no prediction and count as missed")
     if args.json is None or to_file:
         console.result(found)
     if args.json is not None:

@@ -147,8 +147,10 @@ def _rig_of(data_set: datasets.DataSet, report: Report, console: Console) -> Rig
     else:
         frames = rigs.frames_of_video(data_set.videos()[0])
     choice = rigs.choose_rig(frames, rigs.all_known())
-    console.note(choice)
-    report.lines.append(f"No rig of its own; {choice}")
+    camera = data_set.output_images / "calibration.json" if report.calibrated else "none"
+    make = f"make one: lanelib rig FRAMES --camera {camera} -o {data_set.rig_file}"
+    console.note(f"{data_set.name} has no rig of its own; {choice}; {make}")
+    report.lines.append(f"No rig of its own; {choice}; {make}")
     return choice.rig
 
 

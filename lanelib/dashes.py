@@ -20,6 +20,7 @@ from lanelib.rig import SCAN_COLUMN_M, Rig
 
 # 12 ft of dash and 36 ft of gap (Caltrans Standard Plan A20A); 10 and 30 ft (US manual, sec. 3A.06)
 DASH_PERIODS_M = {"California": 14.63, "federal": 12.19}
+DASH_NEAR = 0.11  # relative: a period further from both is of another norm, or the scale is quite wrong
 DASH_RANGE_M = (5.0, 45.0)  # three periods; beyond, a pixel is longer than a third of a dash
 DASH_PERIODS_TRIED_M = (7.5, 22.0)  # of the world's roads: 8-18 m, and focal lengths guessed 20 % wrong
 DASH_SYSTEMATIC = 0.015  # relative: what blur, slope and the few periods in view leave, on roads of known truth
@@ -45,15 +46,22 @@ class DashPeriod:
         return iter((self.period_m, self.std_m))
 
     def __repr__(self):
+        return self.compared()
+
+    def compared(self, given_m: float | None = None) -> str:
+        """The period in words, beside the one that was ``given_m`` (then it set the scale), else the nearest norm."""
         if not self:
             return f"no dash period: {self.reason}"
-        name, length = min(DASH_PERIODS_M.items(), key=lambda item: abs(math.log(self.period_m / item[1])))
-        off = 100 * (self.period_m / length - 1)
         lines = "1 line" if self.n_lines == 1 else f"{self.n_lines} lines"
-        return (
-            f"dash period {self.period_m:.2f} +- {self.std_m:.2f} m measured on {lines}: {length} expected ({name}), "
-            f"longitudinal scale off by {off:+.1f} %"
-        )
+        measured = f"dash period {self.period_m:.2f} +- {self.std_m:.2f} m measured on {lines}"
+        if given_m is not None:
+            return f"{measured}: set to {given_m:g} m as given"
+        name, length = min(DASH_PERIODS_M.items(), key=lambda item: abs(math.log(self.period_m / item[1])))
+        off = self.period_m / length - 1
+        if abs(off) > DASH_NEAR:
+            norms = ", ".join(f"{name} {norm}" for name, norm in DASH_PERIODS_M.items())
+            return f"{measured}: near no norm of the US ({norms})"
+        return f"{measured}: if it is the nearest norm, {length} ({name}), longitudinal scale off by {100 * off:+.1f} %"
 
 
 def line_profile(

@@ -42,11 +42,13 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Everything that `evaluate` found; prints as tables."""
+    """Everything that `evaluate` found; prints as tables. `unpredicted`: labelled frames without a prediction, which
+    count as missed."""
 
     frames: tuple[FrameScore, ...]
     pixels: PixelScore
     metric: bool
+    unpredicted: int = 0
 
     def by_tag(self) -> dict[str, tuple[FrameScore, ...]]:
         """Frames by tag, "all" first."""
@@ -64,7 +66,8 @@ class Evaluation:
             tag: vars(pixel_score(frames)) | (vars(metric_score(frames)) if self.metric else {})
             for tag, frames in self.by_tag().items()
         }
-        return _without_nan({"tags": tags, "clips": [vars(clip) for clip in self.clips()]})
+        clips = [vars(clip) for clip in self.clips()]
+        return _without_nan({"tags": tags, "clips": clips, "unpredicted": self.unpredicted})
 
     def __str__(self) -> str:
         """A table by tag, and one by clip where there are clips."""
@@ -92,7 +95,8 @@ class Evaluation:
 
 
 def evaluate(labels: str | Path, predictions: str | Path) -> Evaluation:
-    """Score a file of predictions against labels or a `truth.json`; a frame that is not predicted is missed."""
+    """Score a file of predictions ("-": standard input) against labels or a `truth.json`; a frame that is not
+    predicted is missed."""
     rows, camera = read_labels(labels)
     return score(rows, read_rows(predictions), camera)
 
@@ -111,7 +115,7 @@ def score(labels: Mapping[str, dict], predictions: Mapping[str, dict], camera: C
             f"found others (such as {next(iter(predictions), '')!r}); are these the same pictures?"
         )
     frames = tuple(frame_score(row, other, camera) for row, other in zip(labels.values(), found, strict=True))
-    return Evaluation(frames, pixel_score(frames), camera is not None)
+    return Evaluation(frames, pixel_score(frames), camera is not None, found.count(None))
 
 
 def _by_last_part(names: Iterable[str]) -> dict[str, str]:

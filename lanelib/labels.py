@@ -6,6 +6,7 @@ of the ego lane in pixels of the frame as given, -2 where a line is not seen; mo
 
 import json
 import math
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -20,12 +21,14 @@ MAX_FILE_BYTES = 500_000_000  # half a million frames; more is not a file of pre
 
 
 def read_rows(path: str | Path) -> dict[str, dict]:
-    """JSON lines in the TuSimple layout, by `raw_file`. LanelibError names the file, the line and what is wrong."""
+    """JSON lines in the TuSimple layout, by `raw_file` ("-": of standard input). LanelibError names the file, the line
+    and what is wrong."""
     path = Path(path)
     try:
-        if path.stat().st_size > MAX_FILE_BYTES:
+        if str(path) != "-" and path.stat().st_size > MAX_FILE_BYTES:
             raise LanelibError(f"{path}: needed at most {MAX_FILE_BYTES >> 20} MB of JSON lines, found more; split it")
-        lines = read_text(path, max_bytes=MAX_FILE_BYTES).splitlines()
+        text = sys.stdin.read() if str(path) == "-" else read_text(path, max_bytes=MAX_FILE_BYTES)
+        lines = text.splitlines()
     except OSError as error:
         raise LanelibError(f"{path}: needed a file of JSON lines, found: {error.strerror}; check the name") from None
     except UnicodeDecodeError:

@@ -58,7 +58,12 @@ def json_lines(path: Path | None, *, sources: Iterable[Path] = ()):
         yield lambda row: None
         return
     if str(path) == "-":
-        yield lambda row: _write_row(sys.stdout, row)
+
+        def say(row: dict) -> None:
+            with _says_where("stdout"):
+                _write_row(sys.stdout, row)
+
+        yield say
         return
     check_place(path, sources=sources)
     special = is_special(path)
@@ -104,10 +109,12 @@ def _keep_rows(part: Path, path: Path) -> Path | None:
 
 
 @contextmanager
-def _says_where(path: Path):
-    """An error of the system while `path` is written, as one line."""
+def _says_where(path: Path | str):
+    """An error of the system while `path` is written, as one line; a reader who has gone ends all."""
     try:
         yield
+    except BrokenPipeError:
+        raise
     except OSError as error:
         raise LanelibError(f"{path}: needed a place for the results, found: {error.strerror}; choose another") from None
 

@@ -152,8 +152,9 @@ def _read_bytes(path: Path) -> bytes:
         if not path.exists():
             raise LanelibError(f"{path}: need a picture, found no such file; check the name")
         if not path.is_file():
-            what = "a folder" if path.is_dir() else "something that is not a file"
-            raise LanelibError(f"{path}: need a picture, found {what}; name a JPEG, PNG or BMP file")
+            folder = path.is_dir()
+            what, which = ("a folder", " in it") if folder else ("something that is not a file", "")
+            raise LanelibError(f"{path}: need a picture, found {what}; name JPEG, PNG or BMP files{which}")
         n_bytes = path.stat().st_size
         if n_bytes > MAX_FILE_BYTES:
             raise LanelibError(f"{path}: need a picture of at most {MAX_FILE_BYTES >> 20} MB, found {n_bytes >> 20} MB")

@@ -101,7 +101,8 @@ def check_fits(rig: Rig, size_wh: Sequence[int], name: str | Path) -> None:
     if not fits(rig, size_wh):
         raise LanelibError(
             f"{name}: needed pictures in the proportions of the rig {rig.name!r} ({rig.size_wh[0]}x{rig.size_wh[1]}), "
-            f"found {size_wh[0]}x{size_wh[1]}; give the rig of this camera (--rig) or make one with `lanelib rig`"
+            f"found {size_wh[0]}x{size_wh[1]}; make one of this camera with `lanelib rig` and give it (--rig; "
+            "rigs/SET.json for a data set)"
         )
     _ = rig.scaled(size_wh).scan_grid  # raises where there is no road in view
 

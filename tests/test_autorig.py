@@ -137,7 +137,14 @@ def test_straight_frames_are_preferred():
     found = find_rig(pictures(*scenes), camera_of(scenes[0]), lane_width_m=LANE_M)
     assert found.n_frames == 2
     assert found.yaw_deg == pytest.approx(1.0, abs=0.15)
-    assert "no straight road" not in found.notes
+    assert "straight road" not in found.notes
+
+
+def test_one_straight_frame_of_many_is_said():
+    bends = [0] + [1 / 300] * 6
+    roads = [scene(Mounting(1.45, 2.5), road=Road([0], [k]), pose=CarPose(4 + 3 * i)) for i, k in enumerate(bends)]
+    found = find_rig(pictures(*roads), camera_of(roads[0]), lane_width_m=LANE_M)
+    assert found.n_frames == 1 and "from 1 of 7 frames" in found.notes and "little straight road" in found.notes
 
 
 def test_a_gentle_curve_alone_is_taken_and_said():
@@ -158,6 +165,14 @@ def test_an_unknown_camera_still_finds_lanes():
     rows = np.array(truth["h_samples"])
     lanes = np.where(rows > found.rig.birdseye.horizon_row_px + 25, np.array(truth["lanes"]), -2)
     assert share_right(found.rig, frame, rows, lanes, within_px=5) > 0.97
+
+
+@pytest.mark.parametrize("size_wh", [(640, 360), (360, 640)])
+def test_an_assumed_lens_is_that_of_the_longer_side(size_wh):
+    """A phone has the same lens upright."""
+    _, camera, assumed = autorig._usable(np.zeros((*size_wh[::-1], 3), np.uint8), None, 3.7, 60.0)
+    assert assumed and camera.size_wh == size_wh
+    assert camera.camera_matrix[0, 0] == pytest.approx(320 / math.tan(math.radians(30)))
 
 
 def test_dashes_give_the_focal_length():

@@ -1,5 +1,6 @@
 """The command line as a user meets it: what it writes, what it says, and how it ends on bad input and signals."""
 
+import io
 import json
 import os
 import signal
@@ -567,7 +568,17 @@ def test_calibrate_prints_every_board(place, capsys):
     assert not Path("other.json").exists()
 
 
-def test_evaluate_prints_and_writes(place, road, capsys):
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device here that is always full")
+def test_a_full_disk_behind_stdout_is_said_of_stdout(place, capsys, monkeypatch):
+    with open("/dev/full", "w", buffering=1) as full:
+        monkeypatch.setattr("sys.stdout", full)
+        code = cli.main(["image", "road.png", "--rig", "rig.json", "--json", "-"])
+    monkeypatch.undo()
+    err = capsys.readouterr().err
+    assert code == 2 and "stdout: needed a place for the results" in err and "try it alone" not in err
+
+
+def test_evaluate_prints_and_writes(place, road, capsys, monkeypatch):
     run("image", "road.png", "--rig", "rig.json", "-o", "out", "--json", "lanes.jsonl", capsys=capsys)
     camera = make_rig().camera.to_dict()
     truth = {
@@ -582,6 +593,12 @@ def test_evaluate_prints_and_writes(place, road, capsys):
     assert found["tusimple"] == 1 and found["lateral_m"][1] < 0.05 and abs(found["offset_m"]) < 0.05
     out, _ = run("evaluate", "truth.json", "lanes.jsonl", "--json", "-", capsys=capsys)
     assert json.loads(out)["tags"]["day"]["frames"] == 1
+    truth["frames"].append(truth["frames"][0] | {"raw_file": "other.png"})
+    Path("truth.json").write_text(json.dumps(truth))
+    monkeypatch.setattr("sys.stdin", io.StringIO(Path("lanes.jsonl").read_text()))
+    out, err = run("evaluate", "truth.json", "-", "--json", "-", capsys=capsys)
+    assert json.loads(out)["unpredicted"] == 1 and json.loads(out)["tags"]["day"]["frames"] == 2
+    assert "1 of 2 labelled frames have no prediction" in err
     refused(capsys, "evaluate", "rig.json", "lanes.jsonl", match="rig.json")
     refused(capsys, "evaluate", "lanes.jsonl", "gone.jsonl", match="gone.jsonl")
 

@@ -148,7 +148,9 @@ def test_a_set_without_a_rig_takes_the_known_one_that_fits(project):
     (project / "rigs/mine.json").rename(project / "rigs/other.json")
     log = Log()
     assert course.run_course(videos=False, console=log) == 0
-    assert "No rig of its own; rig mine: fits best" in (project / "output_images/mine/summary.md").read_text()
+    summary = (project / "output_images/mine/summary.md").read_text()
+    assert "No rig of its own; rig mine: fits best" in summary
+    assert "make one: lanelib rig FRAMES --camera" in summary and "rigs/mine.json" in summary
     (project / "rigs/other.json").unlink()
     assert course.run_course(videos=False, console=Log()) == 2
 

@@ -85,6 +85,8 @@ def test_no_lane_no_period():
 
 def test_the_line_says_what_was_expected():
     text = repr(DashPeriod(14.34, 0.2, 7))
-    assert "14.34 +- 0.20 m" in text and "14.63 expected (California)" in text and "-2.0 %" in text
-    assert "12.19 expected (federal)" in repr(DashPeriod(12.0, 0.2, 1))
+    assert "14.34 +- 0.20 m" in text and "14.63 (California)" in text and "-2.0 %" in text
+    assert "12.19 (federal)" in repr(DashPeriod(12.0, 0.2, 1))
+    assert "near no norm" in repr(DashPeriod(18.0, 0.2, 1)) and "%" not in repr(DashPeriod(18.0, 0.2, 1))
+    assert DashPeriod(18.0, 0.2, 1).compared(18).endswith("measured on 1 line: set to 18 m as given")
     assert tuple(DashPeriod(12.0, 0.2, 1)) == (12.0, 0.2)

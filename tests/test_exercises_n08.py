@@ -40,6 +40,7 @@ RIGHT = {"a": "height", "b": "pitch", "c": "focal length", "d": "yaw"}
 def test_diagnosis():
     assert exercises.check_diagnosis(RIGHT)
     assert exercises.check_diagnosis({key: value.upper() for key, value in RIGHT.items()})
+    assert exercises.check_diagnosis({key: value.replace(" ", "_") for key, value in RIGHT.items()})
 
 
 @pytest.mark.parametrize(

@@ -130,6 +130,25 @@ def test_nice_step(span, count, step):
     assert chart.nice_step(span, count) == pytest.approx(step)
 
 
+@pytest.mark.parametrize("largest", [0.3, 1.0, 4.9, 45.0, 100.0])
+def test_an_axis_has_two_ticks_at_least(largest):
+    ticks, step = chart.ticks_in((-largest, largest), 4)
+    assert 2 <= len(ticks) <= 9 and np.allclose(np.diff(ticks), step) and np.abs(ticks).max() <= largest * 1.001
+
+
+def test_the_simulators_true_lines_have_no_corners():
+    drawn = []
+    with pytest.MonkeyPatch.context() as patch:
+        draw_line = roads.draw.draw_line
+        patch.setattr(roads.draw, "draw_line", lambda *a, **k: drawn.append(a[1]) or draw_line(*a, **k))
+        look = roads.simulator_look(bend_1pkm=-12, heading_deg=-4, pitch_deg=-2, noise=0, wear=0)
+    for line in drawn[:2]:
+        line = line[np.isfinite(line).all(axis=1)]
+        turns = np.diff(np.unwrap(np.arctan2(*np.diff(line, axis=0).T)))
+        assert len(turns) > 10 and np.abs(turns).max() < 0.12
+    assert look.picture.ndim == 3
+
+
 def test_charts_draw_where_the_numbers_say():
     x = np.arange(11.0)
     flat = chart.line_chart([chart.Curve("", x, np.full(11, 5.0), "#ffffff", 3)], (400, 200), y_range=(0, 10))

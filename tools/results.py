@@ -15,8 +15,8 @@ from lanelib import LaneFinder, Rig, datasets
 from lanelib.evaluate import score, table
 from lanelib.labels import read_labels
 from lanelib.pictures import read_image
+from lanelib.runs import run_video
 from lanelib.scores import FrameScore, metric_score, pixel_score
-from lanelib.video import read_frames
 
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"
@@ -101,19 +101,13 @@ def clip_row(path: Path, rig: Rig, data_set: datasets.DataSet) -> list[str] | No
     labels = {name: row for name, row in labels.items() if name.startswith(f"{path.name}:")}
     if not labels:
         return None
-    finder, rows, statuses = LaneFinder(rig), {}, []
-    with read_frames(path) as frames:
-        for frame in frames:
-            result = finder.process(frame.frame_bgr)
-            name = f"{path.name}:{frame.index:06d}"
-            rows[name] = result.to_row(name)
-            statuses.append(result.status)
+    rows: dict[str, dict] = {}
+    _, tally = run_video(path, None, rig, write_row=lambda row: rows.update({row["raw_file"]: row}))
     evaluation = score({n: r for n, r in labels.items() if n in rows}, rows, camera)
     p, m = pixel_score(evaluation.frames), metric_score(evaluation.frames)
     clip = evaluation.clips()[0]
-    counts = [str(statuses.count(s)) for s in ("measured", "held", "none")]
     near = m.lateral_m[1]
-    return [path.stem, str(len(statuses)), *counts, f"{p.tusimple:.3f}", f"{p.strict:.3f}", f"{100 * near:.1f} cm",
+    return [path.stem, *tally.row()[1:5], f"{p.tusimple:.3f}", f"{p.strict:.3f}", f"{100 * near:.1f} cm",
             f"{100 * m.lateral_m[3]:.1f} cm", f"{100 * m.offset_m:.1f} cm", f"{m.curvature:.0%}",
             f"{100 * clip.jitter_m:.1f} cm"]  # fmt: skip
 

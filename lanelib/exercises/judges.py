@@ -108,12 +108,12 @@ def _miss(matrix: np.ndarray, points: np.ndarray, expected: np.ndarray) -> float
 def choice(
     answer, expected: str, *, among: Sequence[str], hints: Mapping[str, str] | None = None, said: str = ""
 ) -> Verdict:
-    """One of several words, in any case; ``hints``: what to say to a certain wrong one."""
+    """One of several words, in any case, "a_b" as "a b"; ``hints``: what to say to a certain wrong one."""
     if (verdict := missing(answer)) is not None:
         return verdict
     if not isinstance(answer, str):
         return not_yet(f"one of {', '.join(map(repr, among))} is needed, found {type(answer).__name__}")
-    word = answer.strip().lower()
+    word = answer.strip().lower().replace("_", " ")
     if word == expected.lower():
         return right(said)
     if word not in [one.lower() for one in among]:

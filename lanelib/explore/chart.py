@@ -37,6 +37,16 @@ def nice_step(span: float, count: int = 5) -> float:
     return next(s * power for s in (1, 2, 5, 10) if s * power >= raw * 0.999)
 
 
+def ticks_in(span: tuple[float, float], count: int = 5) -> tuple[np.ndarray, float]:
+    """Some ``count`` ticks over ``span`` (low, high), at least two of them, and their distance."""
+    ticks = np.zeros(0)
+    while len(ticks) < 2:
+        step = nice_step(span[1] - span[0], count)
+        ticks = np.arange(math.ceil(span[0] / step - 1e-6), math.floor(span[1] / step + 1e-6) + 1) * step
+        count *= 2
+    return ticks, step
+
+
 def line_chart(
     curves: Sequence[Curve],
     size_wh: tuple[int, int],
@@ -147,9 +157,9 @@ def _range(values: Sequence[np.ndarray], *, pad: float = 0.0) -> tuple[float, fl
 
 
 def _ticks(out, box, span, at, *, vertical: bool, unit: str = "") -> None:
-    step = nice_step(span[1] - span[0], 4 if vertical else 8)
+    ticks, step = ticks_in(span, 4 if vertical else 8)
     digits = max(0, -math.floor(math.log10(step) + 1e-9))
-    for tick in np.arange(math.ceil(span[0] / step - 1e-6), math.floor(span[1] / step + 1e-6) + 1) * step:
+    for tick in ticks:
         words = f"{0.0 if abs(tick) < step / 1e6 else tick:.{digits}f}"
         if vertical:
             v = at([0], [tick])[0, 1]

@@ -86,11 +86,12 @@ def simulator_look(*, recipe: str = threshold.DEFAULT_RECIPE, **state) -> Look:
     view = finder.view(SIZE_WH)
     grid = Grid.uniform(x_range_m=(-6, 6), y_range_m=(3, 43), size_wh=(240, 360))
     above = cv2.remap(frame, *_table(), cv2.INTER_LINEAR)
-    # on the rig's flat plane the true lines lie where the frame shows them
-    for x_px in truth["lanes"]:
-        seen = np.array([(x, y) for x, y in zip(x_px, truth["h_samples"], strict=True) if x >= 0]).reshape(-1, 2)
-        on = view.rig.birdseye.road_from_points(view.rig.camera.undistort_points(seen))
-        above = draw.draw_line(above, pixels_of_road(grid, on), "text", width_px=3)
+    # on the rig's flat plane the true lines lie where the nodding camera shows them
+    nodding = view.rig.birdseye.pitched(view.rig.camera, np.deg2rad(state.get("pitch_deg", 0.0)))
+    for line in truth["lanes_road_m"]:
+        ahead = np.array([(x, y) for x, y in line if y > 2])
+        on = view.rig.birdseye.road_from_points(nodding.points_from_road(ahead))
+        above = draw.draw_line(above, pixels_of_road(grid, on[(on[:, 1] > 0) & (on[:, 1] < 60)]), "text", width_px=3)
     above = draw.birdseye(above, grid, lane=result.lane)
     large = cv2.resize(draw.overlay(frame, result, text=False), (640, 360), interpolation=cv2.INTER_CUBIC)
     picture = draw.side_by_side([large, above], ["lane as found", "from above; truth in white"], height=360, cap_px=10)
