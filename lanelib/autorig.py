@@ -24,8 +24,7 @@ from lanelib.channels import as_bgr
 from lanelib.dashes import DASH_PERIODS_M, DashPeriod, dash_period
 from lanelib.errors import LanelibError
 from lanelib.finder import LaneFinder
-from lanelib.jointfit import BEND, HEADING, PITCH, UNKNOWN_ROAD, WIDTH, supported_rows
-from lanelib.result import LaneResult
+from lanelib.jointfit import BEND, HEADING, PITCH, UNKNOWN_ROAD, WIDTH, JointFit, supported_rows
 from lanelib.rig import Rig
 from lanelib.vanishing import candidates, height_prior
 
@@ -82,38 +81,37 @@ def vanishing_point(rig: Rig) -> tuple[float, float]:
     return float(u / w), float(v / w)
 
 
-def look(rig: Rig, frames: list[np.ndarray]) -> list[LaneResult]:
+def look(rig: Rig, frames: list[np.ndarray]) -> list[JointFit]:
     """The lanes that a finder with this rig sees, each frame on its own."""
     try:
         finder = LaneFinder(rig, track=False)
-        return [r for r in map(finder.process, frames) if r]
+        return [r.fit for r in map(finder.process, frames) if r.fit is not None]
     except LanelibError:  # a rig that sees no road
         return []
 
 
-def both_lines(results: list[LaneResult]) -> list[LaneResult]:
+def both_lines(fits: list[JointFit]) -> list[JointFit]:
     """Those with paint on both lines: one line and an assumed width do not show the height."""
-    return [r for r in results if r.fit.support.sum(axis=1).min() > BOTH_LINES_ROWS]
+    return [fit for fit in fits if fit.support.sum(axis=1).min() > BOTH_LINES_ROWS]
 
 
-def empty_inside(finder: LaneFinder, frame_bgr: np.ndarray, result: LaneResult) -> float:
+def empty_inside(finder: LaneFinder, frame_bgr: np.ndarray, fit: JointFit) -> float:
     """1 for a lane without a third line between its two, 0.4 for one with: then it is two lanes, and the rig half as
     high as true."""
-    (points, _), mean = finder.points(frame_bgr, finder.view(result.size_wh)), result.fit.mean
+    (points, _), mean = finder.points(frame_bgr, finder.view((frame_bgr.shape[1], frame_bgr.shape[0]))), fit.mean
     inside = np.zeros(7)
     inside[WIDTH] = 1
     supports = [
         supported_rows(points, mean + inside * (2 * x - mean[WIDTH]))[0].sum(axis=1).max()
         for x in np.arange(0, 0.3 * mean[WIDTH], 0.1)
     ]
-    weaker = max(result.fit.support.sum(axis=1).min(), 1.0)
+    weaker = max(fit.support.sum(axis=1).min(), 1.0)
     return 1 - 0.6 * float(np.clip(max(supports) / weaker - 0.25, 0, 1))
 
 
-def corrected(rig: Rig, results: list[LaneResult]) -> Rig:
-    """The rig turned and raised so that the median lane of ``results`` is level, straight ahead and of the usual
-    width."""
-    mean = np.median([r.fit.mean for r in results], axis=0)
+def corrected(rig: Rig, fits: list[JointFit]) -> Rig:
+    """The rig turned and raised so that the median lane of ``fits`` is level, straight ahead and of the usual width."""
+    mean = np.median([fit.mean for fit in fits], axis=0)
     mounting = dict(rig.mounting)
     mounting["pitch_deg"] += math.degrees(mean[PITCH])
     mounting["yaw_deg"] -= math.degrees(math.atan(mean[HEADING]))
@@ -124,21 +122,21 @@ def corrected(rig: Rig, results: list[LaneResult]) -> Rig:
 def tried(rig: Rig, frames: list[np.ndarray]) -> tuple[float, Rig]:
     """(value, rig): the rig once corrected, and how much paint it explains, about 1 a frame at best; 0 where it
     finds no lane."""
-    results = look(rig, frames)
-    if not results:
+    fits = look(rig, frames)
+    if not fits:
         return 0.0, rig
-    rig = corrected(rig, both_lines(results) or results)
+    rig = corrected(rig, both_lines(fits) or fits)
     value, finder = 0.0, LaneFinder(rig, track=False, neighbours=2)
     for frame in frames:
         result = finder.process(frame)
-        if result:  # an easy frame has 100 rows of paint; the root, so that no frame decides alone
+        if result.fit is not None:  # an easy frame has 100 rows of paint; the root, so that no frame decides alone
             rows = result.fit.support.sum(axis=1)
             beside = sum(neighbour.line.support for neighbour in result.neighbours)
             value += (
                 math.sqrt((rows.sum() + beside) / 100)
                 * result.confidence
                 * min(1, rows.min() / BOTH_LINES_ROWS)
-                * empty_inside(finder, frame, result)
+                * empty_inside(finder, frame, result.fit)
             )
     return value / len(frames) * math.sqrt(height_prior(rig.mounting["height_m"])), rig
 
@@ -165,14 +163,14 @@ def search(frames: list[np.ndarray], camera: Camera, name: str) -> tuple[float, 
 
 
 # ---------------------------------------------------------------------------------------------- 3. refine
-def straight_of(results: list[LaneResult]) -> list[LaneResult]:
-    """The results on straight road; where there is none, the straightest third of those in gentle curves."""
-    found = sorted(results, key=lambda r: abs(r.fit.mean[BEND]))
-    straight = [r for r in found if abs(2 * r.fit.mean[BEND]) < STRAIGHT_1PM]
-    return straight or [r for r in found if abs(2 * r.fit.mean[BEND]) < CURVED_1PM][: math.ceil(len(found) / 3)]
+def straight_of(fits: list[JointFit]) -> list[JointFit]:
+    """The fits on straight road; where there is none, the straightest third of those in gentle curves."""
+    found = sorted(fits, key=lambda fit: abs(fit.mean[BEND]))
+    straight = [fit for fit in found if abs(2 * fit.mean[BEND]) < STRAIGHT_1PM]
+    return straight or [fit for fit in found if abs(2 * fit.mean[BEND]) < CURVED_1PM][: math.ceil(len(found) / 3)]
 
 
-def refined(rig: Rig, frames: list[np.ndarray], *, rounds: int = 4) -> tuple[Rig, list[LaneResult]]:
+def refined(rig: Rig, frames: list[np.ndarray], *, rounds: int = 4) -> tuple[Rig, list[JointFit]]:
     """The rig corrected on straight frames ``rounds`` times (each leaves a few hundredths of the error), and what it
     then sees."""
     for step in range(rounds + 1):
@@ -182,7 +180,7 @@ def refined(rig: Rig, frames: list[np.ndarray], *, rounds: int = 4) -> tuple[Rig
             what = "curves" if found else "lanes with one line"
             raise LanelibError(f"a rig needs straight road with both lines, found only {what}; give other frames")
         rig = corrected(rig, used) if step < rounds else rig
-    own = np.sqrt(np.median([np.diag(r.fit.covariance) for r in used], axis=0))
+    own = np.sqrt(np.median([np.diag(fit.covariance) for fit in used], axis=0))
     if own[PITCH] > UNCERTAIN_PITCH or own[HEADING] > UNCERTAIN_HEADING:
         raise LanelibError(
             f"a rig needs clear lines, found lines that leave its pitch open by {math.degrees(own[PITCH]):.1f} and its "
@@ -250,7 +248,7 @@ def _check_measured(dash: DashPeriod) -> None:
         )
 
 
-def _usable(frames_bgr, camera, lane_width_m, hfov_deg):
+def _usable(frames_bgr, camera, lane_width_m, hfov_deg) -> tuple[list[np.ndarray], Camera, bool]:
     """The frames (a clip thinned), the camera of their size, and whether it is only assumed; LanelibError for what
     cannot be used."""
     frames = [frames_bgr] if isinstance(frames_bgr, np.ndarray) and frames_bgr.ndim < 4 else list(frames_bgr)
@@ -275,8 +273,8 @@ def _usable(frames_bgr, camera, lane_width_m, hfov_deg):
 
 def _estimate(rig, used, frames, dash, focal_std, lane_width_m, assumed, dash_period_m) -> RigEstimate:
     """Numbers, their spread and the sentence about them."""
-    means = np.array([r.fit.mean for r in used])
-    own = np.sqrt(np.median([np.diag(r.fit.covariance) for r in used], axis=0))
+    means = np.array([fit.mean for fit in used])
+    own = np.sqrt(np.median([np.diag(fit.covariance) for fit in used], axis=0))
     if len(used) > 2:
         spread = np.maximum(means.std(axis=0, ddof=1), own)
     else:
@@ -289,7 +287,7 @@ def _estimate(rig, used, frames, dash, focal_std, lane_width_m, assumed, dash_pe
         "focal_px": focal_std,
     }
     focal = float(rig.camera.camera_matrix[0, 0])
-    bend = float(np.median(np.abs([2 * r.fit.mean[BEND] for r in used])))
+    bend = float(np.median(np.abs(2 * means[:, BEND])))
     if not assumed:
         rms = rig.camera.rms_px
         how = "calibrated" if rms is None else f"calibrated, RMS {rms:.2f} px"

@@ -128,7 +128,7 @@ class BirdsEye:
 
     road_from_image: np.ndarray
     size_wh: tuple[int, int]
-    grid: Grid = None
+    grid: Grid = None  # type: ignore[assignment]  # None asks for the usual one, made below
 
     def __post_init__(self):
         h = np.asarray(self.road_from_image, float)

@@ -121,7 +121,7 @@ def calibrate(
     if not flat:
         views = [
             replace(view, used=False, reason=f"only {_wh(view.corners_wh)} in view; a bent board must be seen whole")
-            if view.used and view.corners_wh != board_wh
+            if view.used and view.corners_wh and view.corners_wh != board_wh
             else view
             for view in views
         ]
@@ -134,9 +134,10 @@ def calibrate(
             views[i] = replace(views[i], rms_px=float(rms_px))
         median = float(np.median(solution.per_board_px))
         worst = used[int(np.argmax(solution.per_board_px))]
-        if views[worst].rms_px <= max(outlier_factor * median, OUTLIER_FLOOR_PX):
+        worst_px = float(solution.per_board_px.max())
+        if worst_px <= max(outlier_factor * median, OUTLIER_FLOOR_PX):
             break
-        reason = f"outlier: {views[worst].rms_px:.2f} px, the median board {median:.2f} px"
+        reason = f"outlier: {worst_px:.2f} px, the median board {median:.2f} px"
         views[worst] = replace(views[worst], used=False, reason=_join(views[worst].reason, reason))
 
     if solution.tilt_deg < MIN_TILT_DEG:
@@ -144,8 +145,7 @@ def calibrate(
             f"calibrate: need boards tilted by {MIN_TILT_DEG:g} degrees or more against each other, found at most "
             f"{solution.tilt_deg:.0f} in {len(used)} pictures; take more, each at another angle"
         )
-    camera = solution.camera
-    return Calibration(camera, tuple(views), camera.rms_px, flat, solution.board_m)
+    return Calibration(solution.camera, tuple(views), solution.rms_px, flat, solution.board_m)
 
 
 def board_points(corners_wh: tuple[int, int], square_m: float = 1.0) -> np.ndarray:
@@ -159,6 +159,7 @@ def board_points(corners_wh: tuple[int, int], square_m: float = 1.0) -> np.ndarr
 @dataclass(frozen=True, eq=False)
 class _Solution:
     camera: Camera
+    rms_px: float
     per_board_px: np.ndarray
     board_m: np.ndarray
     tilt_deg: float
@@ -186,10 +187,11 @@ def _solve(views, board_wh, square_m, size_wh, *, flat: bool) -> _Solution:
     std = dict(zip(INTRINSICS, np.array(std, np.float64).ravel().tolist(), strict=False))
     if not np.isfinite([rms_px, *std.values(), *matrix.ravel(), *np.ravel(distortion)]).all():
         raise LanelibError("calibrate: need boards that agree on one camera, found no finite solution; retake them")
-    camera = Camera(matrix, np.ravel(distortion)[:5], size_wh, float(rms_px), std)
+    rms_px = float(rms_px)
+    camera = Camera(matrix, np.ravel(distortion)[:5], size_wh, rms_px, std)
     normals = np.array([cv2.Rodrigues(np.asarray(rvec))[0][:, 2] for rvec in out[3]])
     tilt_deg = float(np.degrees(np.arccos(np.clip(normals @ normals.T, -1, 1).min())))
-    return _Solution(camera, np.ravel(per_board), board_m, tilt_deg)
+    return _Solution(camera, rms_px, np.ravel(per_board), board_m, tilt_deg)
 
 
 def _images(pictures):
@@ -224,8 +226,8 @@ def _look(name: str, image, board_wh) -> tuple[BoardView, tuple[int, int] | None
     except LanelibError as error:
         return BoardView(name, False, str(error).split(": ", 1)[-1]), None
     size_wh = image.shape[1::-1]
-    if not board:
-        return BoardView(name, False, board.reason, corners_wh=board.corners_wh), size_wh
+    if board.corners_wh is None:
+        return BoardView(name, False, board.reason), size_wh
     part = "" if board.corners_wh == board_wh else f"{_wh(board.corners_wh)} of {_wh(board_wh)} corners in view"
     return BoardView(name, True, part, None, board.corners_wh, board.corners_px), size_wh
 
@@ -245,6 +247,7 @@ def _fit_size(view: BoardView, found_wh, size_wh) -> BoardView:
         return replace(view, reason=_join(view.reason, f"{fw}x{fh}, taken as {w}x{h} from its upper left corner"))
     sx, sy = w / fw, h / fh
     if abs(sx / sy - 1) <= ASPECT_TOLERANCE:
+        assert view.corners_px is not None
         corners_px = (view.corners_px + 0.5) * (sx, sy) - 0.5
         return replace(view, corners_px=corners_px, reason=_join(view.reason, f"{fw}x{fh}, scaled to {w}x{h}"))
     return replace(view, used=False, reason=_join(view.reason, f"{fw}x{fh} is not in proportion to {w}x{h}"))
@@ -255,7 +258,7 @@ def _without_repetitions(views: list[BoardView]) -> list[BoardView]:
     seen: dict[bytes, str] = {}
     result = []
     for view in views:
-        key = view.corners_px.tobytes() if view.used else b""
+        key = view.corners_px.tobytes() if view.used and view.corners_px is not None else b""
         if view.used and key in seen:
             view = replace(view, used=False, reason=f"the same picture as {seen[key]}")
         elif view.used:
@@ -267,7 +270,7 @@ def _without_repetitions(views: list[BoardView]) -> list[BoardView]:
 def _check_enough(views: list[BoardView], board_wh) -> None:
     used = [view for view in views if view.used]
     if used and not any(view.corners_wh == board_wh for view in used):
-        largest = max((view.corners_wh for view in used), key=lambda wh: wh[0] * wh[1])
+        largest = max((view.corners_wh for view in used if view.corners_wh), key=lambda wh: wh[0] * wh[1])
         raise LanelibError(
             f"calibrate: need a whole board of {_wh(board_wh)} inner corners in at least one picture, "
             f"found at most {_wh(largest)}; is that the size of the board?"

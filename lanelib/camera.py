@@ -94,10 +94,10 @@ class Camera:
             raise LanelibError(
                 f"camera: need either hfov_deg (between 0 and 180) or focal_px, found {hfov_deg} and {focal_px}"
             )
-        if focal_px is None:
+        if hfov_deg is not None:
             focal_px = width / 2 / math.tan(math.radians(hfov_deg) / 2)
         matrix = [[focal_px, 0, (width - 1) / 2], [0, focal_px, (height - 1) / 2], [0, 0, 1]]
-        return cls(matrix, np.zeros(5), size_wh)
+        return cls(_numbers(matrix, (3, 3), "camera_matrix"), np.zeros(5), size_wh)
 
     # Pictures
 
@@ -178,7 +178,7 @@ class Camera:
         factor = {"fx": sx, "cx": sx, "fy": sy, "cy": sy}
         std = self.std and {name: value * factor.get(name, 1.0) for name, value in self.std.items()}
         rms_px = None if self.rms_px is None else self.rms_px * math.sqrt(sx * sy)
-        return Camera(matrix, self.distortion, size_wh, rms_px, std)
+        return Camera(np.array(matrix), self.distortion, size_wh, rms_px, std)
 
     def to_dict(self) -> dict:
         """The camera as plain numbers, ready for JSON; `from_dict` is the way back."""

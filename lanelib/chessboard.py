@@ -139,10 +139,12 @@ def _larger_part(grey: np.ndarray, best: np.ndarray | None, board_wh, scales: li
     for scale in scales:
         for part in sorted(parts, key=lambda wh: -wh[0] * wh[1]):
             grid = _detect(grey, part, scale, larger=False)
-            seen = None if grid is None else _chessboard_part(grey, grid)
+            if grid is None:
+                continue
+            seen = _chessboard_part(grey, grid)
             if seen is not None and seen.size == grid.size:
                 return grid
-            if grid is not None and part == tuple(board_wh):  # all of it is there, and blurred: so are its parts
+            if part == tuple(board_wh):  # all of it is there, and blurred: so are its parts
                 return best
     return best
 

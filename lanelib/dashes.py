@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lanelib.finder import LaneFinder
-from lanelib.jointfit import BEND, distance, line_x
+from lanelib.jointfit import BEND, JointFit, distance, line_x
 from lanelib.paint import paint_evidence, weight_of
-from lanelib.result import LaneResult
 from lanelib.rig import SCAN_COLUMN_M, Rig
 
 # 12 ft of dash and 36 ft of gap (Caltrans Standard Plan A20A); 10 and 30 ft (US manual, sec. 3A.06)
@@ -65,11 +64,11 @@ class DashPeriod:
 
 
 def line_profile(
-    finder: LaneFinder, frame_bgr: np.ndarray, result: LaneResult, side: int
+    finder: LaneFinder, frame_bgr: np.ndarray, fit: JointFit, side: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Paint weight 0..1 along the left (``side`` -1) or right (+1) line of ``result``: distances (N,) in m,
-    descending; weights (N,)."""
-    view, mean = finder.view(result.size_wh), result.fit.mean
+    """Paint weight 0..1 along the left (``side`` -1) or right (+1) line of ``fit``: distances (N,) in m, descending;
+    weights (N,)."""
+    view, mean = finder.view((frame_bgr.shape[1], frame_bgr.shape[0])), fit.mean
     z, _ = paint_evidence(view.scan(frame_bgr), column_m=SCAN_COLUMN_M)
     y = distance(1 / view.grid.y_m, mean, view.height_m)
     column = view.grid.column_of(line_x(y, mean, side) / y * view.grid.y_m)
@@ -121,23 +120,23 @@ def dash_period(rig: Rig, frames: list[np.ndarray]) -> DashPeriod:
     finder = LaneFinder(rig, track=False)
     periods = np.geomspace(*DASH_PERIODS_TRIED_M, 240)
     focal_px, height_m = rig.camera.camera_matrix[1, 1], rig.mounting["height_m"]
-    curves = []
+    found = []
     for frame in frames:
-        result = finder.process(frame)
-        if not result or abs(2 * result.fit.mean[BEND]) > DASH_CURVED_1PM:
+        fit = finder.process(frame).fit
+        if fit is None or abs(2 * fit.mean[BEND]) > DASH_CURVED_1PM:
             continue
         for side in (-1, 1):
-            y, weight = line_profile(finder, frame, result, side)
+            y, weight = line_profile(finder, frame, fit, side)
             if len(y) < 30 or not 0.08 < weight.mean() < 0.7:
                 continue
             # the length on the road of a pixel, or of a row of the scan
             blur = np.maximum(y * y / (focal_px * height_m), np.abs(np.gradient(y)))
             curve, best = dash_likelihood(y, weight, periods, blur)
             if best > DASH_CORRELATION:
-                curves.append(curve)
-    if not curves:
+                found.append(curve)
+    if not found:
         return DashPeriod(reason="no dashed line was clear enough")
-    curves = np.array(curves)
+    curves = np.array(found)
     total = curves.sum(axis=0)
     top = int(total.argmax())
     if top in (0, len(periods) - 1):

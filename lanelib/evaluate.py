@@ -107,8 +107,8 @@ def score(labels: Mapping[str, dict], predictions: Mapping[str, dict], camera: C
     if labels and all("rvec" in row for row in labels.values()):
         raise LanelibError("evaluate: needed labels of lanes, found the truth of chessboards; name another file")
     ours, theirs = _by_last_part(labels), _by_last_part(predictions)
-    partners = {last: theirs[last] for last in ours.keys() & theirs.keys()}
-    found = [predictions.get(name) or predictions.get(partners.get(Path(name).name)) for name in labels]
+    partners = {last: predictions[theirs[last]] for last in ours.keys() & theirs.keys()}
+    found = [predictions.get(name) or partners.get(Path(name).name) for name in labels]
     if not any(found):
         raise LanelibError(
             f"evaluate: needed predictions for the labelled frames (such as {next(iter(labels), '')!r}), "

@@ -24,7 +24,7 @@ from lanelib.channels import as_bgr
 from lanelib.doubleline import inward
 from lanelib.errors import LanelibError
 from lanelib.hypotheses import hypotheses
-from lanelib.jointfit import JointFit, Points, confidence_of
+from lanelib.jointfit import JointFit, Points, Prior, confidence_of
 from lanelib.lane import Check, Lane, check_lane, check_size
 from lanelib.neighbours import MOST_LANES, find_neighbours
 from lanelib.paint import evidence_of, paint_channels, paint_points
@@ -170,9 +170,8 @@ class LaneFinder:
 
     def _measure_joint(self, frame: np.ndarray, view: View):
         """A fit that passes every test, or None; why not; the checks."""
-        if self.track and self.tracker.fit is not None:
-            return self._track(frame, view)
-        return self._search(frame, view)
+        prediction = self.tracker.predict() if self.track else None
+        return self._search(frame, view) if prediction is None else self._track(frame, view, prediction)
 
     def _search(self, frame: np.ndarray, view: View):
         """The best lane anywhere, as before the first frame."""
@@ -191,9 +190,8 @@ class LaneFinder:
                 return verdicts[-1]
         return verdicts[0] if verdicts else self._judge(None)
 
-    def _track(self, frame: np.ndarray, view: View):
-        """The lane near where the last one was; now and then, and in doubt, a fresh search challenges it."""
-        prediction = self.tracker.predict()
+    def _track(self, frame: np.ndarray, view: View, prediction: Prior):
+        """The lane near where it is predicted; now and then, and in doubt, a fresh search challenges it."""
         around = view.around(prediction.mean)
         points, picture = self.points(frame, around)
         fit = jointfit.fit(

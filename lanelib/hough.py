@@ -69,7 +69,7 @@ def peaks(table: np.ndarray, objected: np.ndarray | float = 0.0) -> tuple[np.nda
     """Bend, bearing and x, (K,) each, of the highest local maxima of the accumulator, each bin less what is
     ``objected`` to it: or the lines of other lanes, where they are solid, would take all the places."""
     n_bearings, n_x = table.shape[1:]
-    flat = cv2.sepFilter2D(
+    flat: np.ndarray = cv2.sepFilter2D(
         table.reshape(-1, n_x), -1, np.array([0.6, 1, 0.6]), np.ones(1), borderType=cv2.BORDER_CONSTANT
     )
     flat[:, np.abs(X_BINS_M) < NEAREST_X_M] = 0

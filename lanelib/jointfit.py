@@ -311,7 +311,7 @@ def seen_lane(points: Points, means: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 # Centre, heading, bend and rate (rows) to the factors of the powers in bearing, slope and second derivative
-DERIVATIVES = np.zeros((4, 3, 4))
+DERIVATIVES: np.ndarray = np.zeros((4, 3, 4))
 DERIVATIVES[range(4), 0, range(4)] = 1
 DERIVATIVES[[HEADING, BEND, RATE], 1, [1, 2, 3]] = 1, 2, 3
 DERIVATIVES[[BEND, RATE], 2, [1, 2]] = 2, 6

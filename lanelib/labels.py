@@ -33,7 +33,7 @@ def read_rows(path: str | Path) -> dict[str, dict]:
         raise LanelibError(f"{path}: needed a file of JSON lines, found: {error.strerror}; check the name") from None
     except UnicodeDecodeError:
         raise LanelibError(f"{path}: needed JSON lines, found something that is no text; check the name") from None
-    rows = {}
+    rows: dict[str, dict] = {}
     for number, line in enumerate(lines, 1):
         if not line.strip():
             continue

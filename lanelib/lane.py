@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Literal, final
 
 import numpy as np
 
@@ -35,6 +36,7 @@ def horner(coefficients, y_m):
     return value
 
 
+@final  # it has no subclass that could be falsy: `if not line` tells a NoLine
 @dataclass(frozen=True, eq=False)
 class Line:
     """One lane line, x = polynomial(y) in metres, ``coefficients`` highest power first (2nd order; a 3rd is allowed).
@@ -105,7 +107,7 @@ class NoLine:
 
     reason: str
 
-    def __bool__(self):
+    def __bool__(self) -> Literal[False]:
         return False
 
 
@@ -146,9 +148,9 @@ def fit_line(
     weight = w
     if robust:
         rng = np.random.default_rng(0)
-        best, best_cost = None, math.inf
+        best, best_cost = solve(w)[1], math.inf
         picks = [rng.choice(len(x), min(len(x), order + 1), replace=False, p=w / w.sum()) for _ in range(40)]
-        for candidate in [solve(w)[1]] + [np.linalg.lstsq(design[p], x[p], rcond=1e-9)[0] for p in picks]:
+        for candidate in [best] + [np.linalg.lstsq(design[p], x[p], rcond=1e-9)[0] for p in picks]:
             cost = float(np.sum(w * np.minimum(np.abs(x - design @ candidate), 4 * scale_m)))
             if cost < best_cost:
                 best, best_cost = candidate, cost

@@ -10,7 +10,7 @@ import re
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,7 +31,7 @@ StatusFunction = Callable[[str], None]
 def frames_from_device_or_url(
     source: str | int | Path, *, timeout_s: float = 5.0, reconnects: int = 3, wait_s: float = 1.0,
     on_status: StatusFunction | None = None,
-) -> Iterator[Frame]:
+) -> Generator[Frame, None, None]:
     """Frames (BGR) of a camera (index or device path), a stream (URL) or, once through, a video file.
 
     Of a camera or stream always the newest frame is given: what came while the caller was busy is skipped, which
@@ -42,7 +42,7 @@ def frames_from_device_or_url(
     """
     kind, address = _source(source)
     if kind == "file":
-        with read_frames(address) as frames:
+        with read_frames(str(source)) as frames:
             yield from frames
         return
     name, say = _shown(source), on_status or (lambda _: None)
@@ -114,7 +114,7 @@ def live(
             source, timeout_s=timeout_s, reconnects=reconnects, on_status=on_status)))
         if window:
             stack.callback(cv2.destroyAllWindows)
-            show = _show_in_window
+            show: Callable[[np.ndarray], bool | None] = _show_in_window
         else:
             server = stack.enter_context(MjpegServer(host=host, port=port))
             say(f"watch at {server.url}")

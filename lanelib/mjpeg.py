@@ -79,7 +79,7 @@ class MjpegServer:
         with self._changed:
             if not self._changed.wait_for(lambda: self.closed or self._number > after, timeout_s) or self.closed:
                 return after, None
-            if self._jpeg is None:
+            if self._jpeg is None and self._frame is not None:
                 self._jpeg = cv2.imencode(".jpg", self._frame, [cv2.IMWRITE_JPEG_QUALITY, self._quality])[1].tobytes()
             return self._number, self._jpeg
 
@@ -119,10 +119,10 @@ class _Server(ThreadingHTTPServer):
     def server_bind(self) -> None:
         # Not HTTPServer's: that one asks the name service for this machine's name, which can take seconds.
         socket.socket.bind(self.socket, self.server_address)
-        self.server_address = self.socket.getsockname()
-        self.server_name, self.server_port = self.server_address[:2]
+        self.server_address = bound = self.socket.getsockname()
+        self.server_name, self.server_port = bound[:2]
 
-    def verify_request(self, request: socket.socket, client_address: object) -> bool:
+    def verify_request(self, request: socket.socket, *_: object) -> bool:  # type: ignore[override]  # TCP: a socket
         """Whether there is room for another connection."""
         with self._lock:
             if len(self._open) >= MAX_CONNECTIONS:
@@ -136,7 +136,7 @@ class _Server(ThreadingHTTPServer):
         with self._lock:
             self._unread.pop(request, None)
 
-    def shutdown_request(self, request: socket.socket) -> None:
+    def shutdown_request(self, request: socket.socket) -> None:  # type: ignore[override]  # TCP: a socket
         """The end of every connection."""
         with self._lock:
             self._open.discard(request)

@@ -82,8 +82,8 @@ def ridge_response(channel: np.ndarray, *, column_m: float = 0.05, rows: int | N
     texture = cv2.absdiff(cv2.add(middle, middle), cv2.add(left, right))  # twice |middle - mean of both sides|
     size = (round(TEXTURE_SIZE_M / column_m) | 1, TEXTURE_ROWS)
     every = range(0, len(texture), rows or len(texture))
-    texture = [cv2.boxFilter(texture[i : i + every.step], cv2.CV_32F, size, normalize=False) for i in every]
-    texture = np.concatenate(texture) if len(texture) > 1 else texture[0]
+    textures = [cv2.boxFilter(texture[i : i + every.step], cv2.CV_32F, size, normalize=False) for i in every]
+    texture = np.concatenate(textures) if len(textures) > 1 else textures[0]
     scale = 1 / (2 * size[0] * size[1])
     texture = cv2.addWeighted(texture, scale, texture, 0, FLOOR_GREY_LEVELS * width)
     cv2.divide(cv2.max(cv2.max(ridge, wide), 0.0), texture, z[:, far : far + inside], 1.0, cv2.CV_32F)

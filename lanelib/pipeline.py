@@ -15,12 +15,15 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lanelib.errors import LanelibError
 from lanelib.video import Damage, Frame, FrameReader, VideoWriter, checked_output, read_frames
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
 
 FrameFunction = Callable[[np.ndarray, int, float], np.ndarray | None]
 # Frames waiting between two stages: enough to even out a slow frame, 4 MB each way at 1280x720 in yuv420p.
@@ -105,7 +108,8 @@ class ProgressBar:
     """Callable (done, expected); shows nothing until first called."""
 
     def __init__(self, label: str, *, quiet: bool):
-        self._label, self._bar = label, None
+        self._label = label
+        self._bar: tqdm | None = None
         self._shown = not quiet and (sys.stderr.isatty() or _in_notebook())
 
     def __call__(self, done: int, expected: int) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,8 @@ from lanelib.neighbours import Neighbour
 
 
 class OnDemand:
-    """A dataclass field that may be given as a function without arguments: it is called when first asked for."""
+    """A dataclass field: an array, which may be given as a function without arguments that is called when first asked
+    for."""
 
     def __init__(self, default):
         self.default = default
@@ -21,7 +23,7 @@ class OnDemand:
     def __set_name__(self, owner, name: str) -> None:
         self.key = f"_{name}"
 
-    def __get__(self, instance, owner):
+    def __get__(self, instance, owner) -> np.ndarray:
         if instance is None:  # how dataclasses ask for the default
             return self.default
         value = vars(instance)[self.key]
@@ -29,7 +31,7 @@ class OnDemand:
             value = vars(instance)[self.key] = value()
         return value
 
-    def __set__(self, instance, value) -> None:
+    def __set__(self, instance, value: np.ndarray | Callable[[], np.ndarray]) -> None:
         vars(instance)[self.key] = value
 
 
@@ -51,8 +53,8 @@ class LaneResult:
     reason: str = ""
     confidence: float = 0.0
     checks: tuple[Check, ...] = ()
-    left_px: np.ndarray = OnDemand(no_line)
-    right_px: np.ndarray = OnDemand(no_line)
+    left_px: OnDemand = OnDemand(no_line)
+    right_px: OnDemand = OnDemand(no_line)
     size_wh: tuple[int, int] = (0, 0)
     milliseconds: float = 0.0
     fit: JointFit | None = None

@@ -240,7 +240,7 @@ def project(points_m: np.ndarray, mounting: Mounting, camera_matrix: np.ndarray,
 def fold_radius2(distortion: np.ndarray) -> float:
     """Squared radius (normalised) at which the radial distortion folds over; inf where it never does."""
     k1, k2, _, _, k3 = np.asarray(distortion, float).ravel()
-    roots = np.roots(np.trim_zeros([7 * k3, 5 * k2, 3 * k1, 1.0], "f"))
+    roots = np.roots(np.trim_zeros(np.array([7 * k3, 5 * k2, 3 * k1, 1.0]), "f"))
     real = roots[np.abs(roots.imag) < 1e-9].real
     return float(real[real > 0].min()) if (real > 0).any() else np.inf
 
@@ -260,9 +260,10 @@ def frame_truth(road: Road, pose: CarPose, mounting: Mounting, camera_matrix: np
     w, h = size_wh
     if h_samples is None:
         h_samples = range(h // 20 * 10, h, 10)
-    truth = {"raw_file": raw_file, "h_samples": [int(r) for r in h_samples], "lanes": [], "visible": [],
-             "lanes_road_m": [], "radius_m": None, "curvature_1pm": None, "offset_m": None, "lane_width_m": None,
-             "heading_rad": None, "mounting": mounting.to_dict(), "tags": list(tags)}
+    truth: dict = {
+        "raw_file": raw_file, "h_samples": [int(r) for r in h_samples], "lanes": [], "visible": [],
+        "lanes_road_m": [], "radius_m": None, "curvature_1pm": None, "offset_m": None, "lane_width_m": None,
+        "heading_rad": None, "mounting": mounting.to_dict(), "tags": list(tags)}
     if left is None or right is None:
         return truth
     rows = np.array(truth["h_samples"], float)

@@ -37,7 +37,7 @@ WEIGHTS_M = [NEAR_M / 6, NEAR_M / 3, NEAR_M / 3, NEAR_M / 6]  # the trapezoidal 
 class RoadMemory:
     """The state: ``travelled_m`` so far, and what was seen where."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.travelled_m = 0.0
         self._step_m: float | None = None  # of the last frame
         self._looks: deque[tuple[float, float]] = deque()  # place and curvature, from behind the car to ahead of it

@@ -20,7 +20,7 @@ ASPHALT_RGB, CONCRETE_RGB = (0.075, 0.074, 0.073), (0.31, 0.30, 0.275)
 PAINT_RGB = {"white": (0.72, 0.71, 0.68), "yellow": (0.66, 0.37, 0.045)}
 GRASS_RGB, HILL_RGB = (0.27, 0.215, 0.10), (0.10, 0.11, 0.085)
 SUN_RGB, SKYLIGHT_RGB = (1.0, 0.94, 0.84), (0.10, 0.13, 0.18)  # in the shade only the sky's share is left: about 1/8
-HAZE_RGB = np.float32([0.42, 0.47, 0.53])  # air at the horizon
+HAZE_RGB = np.array([0.42, 0.47, 0.53], np.float32)  # air at the horizon
 EXPOSURE = 2.4  # paint in the sun just below white, dry asphalt at a grey level of about 100, as real dash cams do
 TILE = 512  # pixels of the repeating noise tile
 
@@ -95,11 +95,11 @@ def render_road(scene: Scene) -> tuple[np.ndarray, dict]:
     """
     if np.any(scene.road.grades):
         raise LanelibError("needed a flat road, got one with a grade: the simulator has no hills, render/ has")
-    truth = frame_truth(scene.road, scene.pose, scene.mounting, scene.camera_matrix, scene.distortion, scene.size_wh,
-                        scene.left, scene.right)
+    matrix, distortion = np.asarray(scene.camera_matrix, float), np.asarray(scene.distortion, float)
+    truth = frame_truth(scene.road, scene.pose, scene.mounting, matrix, distortion, scene.size_wh, scene.left,
+                        scene.right)
     w, h = scene.size_wh
-    lens = _rays(tuple(scene.size_wh), tuple(map(tuple, np.asarray(scene.camera_matrix, float))),
-                 tuple(map(float, scene.distortion)))
+    lens = _rays(tuple(scene.size_wh), tuple(map(tuple, matrix)), tuple(map(float, scene.distortion)))
     to_car = scene.mounting.rotation().astype(np.float32)  # rows: camera axes in road axes
     rays = lens[..., :1] * to_car[0] + lens[..., 1:] * to_car[1] + to_car[2]
     down = -rays[..., 2] / np.hypot(rays[..., 0], rays[..., 1])  # > 0 below the horizon

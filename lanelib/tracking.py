@@ -186,8 +186,8 @@ class LaneTracker:
         r[RATE] = RATE_MEMORY**self.pace
         covariance = self.fit.covariance * np.outer(r, r)
         covariance.flat[:: len(r) + 1] += (1 - r**2) * spread
-        self._expected = base + r * (self.fit.mean - base) + self._drift
-        return Prior(self._expected, covariance)
+        self._expected = mean = base + r * (self.fit.mean - base) + self._drift
+        return Prior(mean, covariance)
 
     def fit_prior(self, prediction: Prior) -> Prior:
         """Under which prior to fit a frame: the prediction (kalman), or the unknown road (the other smoothers)."""
@@ -197,11 +197,13 @@ class LaneTracker:
         """Take in a frame's fit, or that it had none."""
         if fit is None:
             self.missed += 1
-            if self.fit is None or self.missed > self.hold_frames:
+            prediction = self.predict()
+            if self.fit is None or prediction is None or self.missed > self.hold_frames:
                 self.reset()
                 return Event("none", 0, reason)
-            prediction = self.predict()
-            self.fit = replace(self.fit, mean=self._held(prediction.mean), covariance=prediction.covariance)
+            held = self.fit.mean.copy()  # the lane stays where it was; only what no one saw (pitch, hill) relaxes
+            held[PITCH:] = prediction.mean[PITCH:]
+            self.fit = replace(self.fit, mean=held, covariance=prediction.covariance)
             self._show(self.fit, anew=True)
             return Event("held", self.missed, reason)
         again, self.missed = self.missed > 0, 0
@@ -211,8 +213,8 @@ class LaneTracker:
         if (
             self.fit is not None and self.fit.inward_m != fit.inward_m
         ):  # a double line stays one while a frame is unsure of it
-            calm = [old + 0.4 * (new - old) for old, new in zip(self.fit.inward_m, fit.inward_m, strict=True)]
-            smoothed = replace(smoothed, inward_m=tuple(calm))
+            left, right = (old + 0.4 * (new - old) for old, new in zip(self.fit.inward_m, fit.inward_m, strict=True))
+            smoothed = replace(smoothed, inward_m=(left, right))
         self._lessons += 1
         self._learned += max(LEARNING * self.pace, 1 / (self._lessons + 2)) * (smoothed.mean[LEARNED] - self._learned)
         self.fit, handover = handed_over(smoothed)
@@ -225,7 +227,7 @@ class LaneTracker:
     def at_car(self, lane: Lane, *, measured: bool) -> Lane:
         """The ``shown`` lane with what was seen of the road at the car when it lay ahead; once a frame. The classic
         smoothers stay what they are."""
-        if self.smoothing != "kalman":
+        if self.smoothing != "kalman" or self.shown is None:
             return lane
         return self.road.update(lane, self.shown.mean, measured=measured, frame_s=self.pace / FPS)
 
@@ -265,13 +267,14 @@ class LaneTracker:
         """Whether a fresh search found a lane that explains the frame better, for the second time in succession; the
         old one is then forgotten. It may be the same lane with the pitch right, or another one with more paint: where
         a road winds, what is usual elsewhere speaks against the lane that was followed, and must not decide alone."""
-        rival = fresh is not None
-        if rival and not lost:
-            other = differ(fresh.mean, tracked.mean)
-            rival = fresh.energy > self.energy_needed(tracked, other=other)
-            rival = rival and (not other or sum(fresh.rows) > sum(tracked.rows))
-        confirmed = rival and self._rival is not None and not differ(fresh.mean, self._rival)
-        self._rival = fresh.mean if rival else None
+        rival = fresh
+        if rival is not None and not lost:
+            other = differ(rival.mean, tracked.mean)
+            worth_more = rival.energy > self.energy_needed(tracked, other=other)
+            if not worth_more or (other and sum(rival.rows) <= sum(tracked.rows)):
+                rival = None
+        confirmed = rival is not None and self._rival is not None and not differ(rival.mean, self._rival)
+        self._rival = None if rival is None else rival.mean
         if confirmed:
             road = self.road  # another lane, the same road
             self.reset()
@@ -293,12 +296,6 @@ class LaneTracker:
                 self.shown = replace(fit, mean=mean)
                 return
         self._drift = np.zeros(7)
-
-    def _held(self, predicted: np.ndarray) -> np.ndarray:
-        """While held, the lane stays where it was; only what no one saw (pitch, hill) relaxes."""
-        mean = self.fit.mean.copy()
-        mean[PITCH:] = predicted[PITCH:]
-        return mean
 
     def _smooth(self, fit: JointFit) -> JointFit:
         if self.fit is None or self.smoothing in ("none", "kalman"):  # kalman: the prior was in the fit

@@ -20,7 +20,7 @@ import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,7 +52,7 @@ EPSILON_S = 1e-6  # a frame at exactly the start is in the section, whatever rou
 class Frame(NamedTuple):
     """`index` in the file from 0, `time_s` from the file's start, the picture in the format asked for."""
 
-    index: int
+    index: int  # type: ignore[assignment]  # it takes the place of tuple.index, which no one asks a frame for
     time_s: float
     frame_bgr: np.ndarray
 
@@ -212,10 +212,10 @@ class FrameReader:
         # Two frames of slack for rounded durations; a sound track that is longer than the pictures is no damage.
         slack_s = 2 / self.info.fps
         early = self._end_s is None and self.info.duration_s - self._last_s - 1 / self.info.fps > slack_s
-        early = early and (self._log.damage(truncated=False) or not self.info.has_audio)
+        early = early and (bool(self._log.damage(truncated=False)) or not self.info.has_audio)
         if early:  # unless the last frame is to be shown for so long
             early = self.info.duration_s - packets_end_s(self.info.path) > slack_s
-        self.damage = self._log.damage(truncated=bool(early or killed))
+        self.damage = self._log.damage(truncated=early or killed)
         if self._count == 0 and (self.damage or not self._start_s):
             why = self.damage.messages[0] if self.damage.messages else "it holds no frames"
             raise LanelibError(f"{self.info.path}: needed at least one frame that can be decoded, found none ({why}); "
@@ -225,7 +225,7 @@ class FrameReader:
 class _ReadingLog:
     """Reads what the decoding ffmpeg says, in a thread: the frames' times, and the signs of damage."""
 
-    def __init__(self, pipe: IO[bytes]):
+    def __init__(self, pipe: io.FileIO):
         self._times: queue.SimpleQueue[float | None] = queue.SimpleQueue()
         self._corrupt = self._lost = 0
         self._cut, self._decoding, self._size = False, False, ""
@@ -244,7 +244,7 @@ class _ReadingLog:
     def damage(self, *, truncated: bool) -> Damage:
         return Damage(self._corrupt, self._lost, self._cut or truncated, tuple(self._messages))
 
-    def _read(self, pipe: IO[bytes]) -> None:
+    def _read(self, pipe: io.FileIO) -> None:
         with io.BufferedReader(pipe) as lines:  # the pipe itself would read byte by byte
             for raw in lines:
                 self._take(raw.decode("utf-8", "replace"))
@@ -276,9 +276,9 @@ class _ReadingLog:
             self._messages.append(message)
 
 
-def _fill(pipe: IO[bytes], array: np.ndarray) -> bool:
+def _fill(pipe: io.FileIO, array: np.ndarray) -> bool:
     """Read the array full; False at the end of the stream."""
-    view, filled = memoryview(array).cast("B"), 0
+    view, filled = array.data.cast("B"), 0
     while filled < len(view):
         got = pipe.readinto(view[filled:])
         if not got:

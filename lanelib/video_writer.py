@@ -11,7 +11,7 @@ import threading
 import weakref
 from pathlib import Path
 from types import TracebackType
-from typing import IO
+from typing import IO, NamedTuple
 
 import numpy as np
 
@@ -33,6 +33,15 @@ from lanelib.ffmpeg import (
     widen_pipe,
 )
 from lanelib.parts import is_special, part_of, remove_abandoned, set_aside
+
+
+class _Encoder(NamedTuple):
+    """ffmpeg at work: its process, the pipe to it, who hears what it says, and how to leave nothing of it behind."""
+
+    process: "subprocess.Popen[bytes]"
+    pipe: IO[bytes]
+    log_thread: threading.Thread
+    abandon: weakref.finalize
 
 
 class VideoWriter:
@@ -67,7 +76,7 @@ class VideoWriter:
         self._threads = threads
         self._part = part_of(self.path, suffix=f".part{self.path.suffix}")  # ffmpeg goes by the ending
         self._said: list[str] = []
-        self._process: subprocess.Popen[bytes] | None = None
+        self._encoder: _Encoder | None = None  # from the first frame on
         self._last_us = -1
         # Ticks of the output: a whole number per frame, and at most 1/30000 s for other times.
         self._timescale = self._rate.numerator * -(-30000 // self._rate.numerator)
@@ -83,33 +92,33 @@ class VideoWriter:
 
     def write(self, frame: np.ndarray, *, time_s: float | None = None) -> None:
         """Append a frame at `time_s` from the start (default: the next one at the nominal rate)."""
-        if self._process is None:
-            self._start(frame, time_s or 0.0)
+        encoder = self._encoder or self._start(frame, time_s or 0.0)
         if frame.dtype != np.uint8 or frame.shape != self._shape:
             raise LanelibError(f"{self.path}: needed every frame as uint8 of shape {self._shape}, "
                                f"found {frame.dtype} of shape {frame.shape}")
-        if self._pixel_format == "bgr24" and (self.size_wh[0] % 2 or self.size_wh[1] % 2):
-            frame = np.pad(frame, ((0, self.size_wh[1] % 2), (0, self.size_wh[0] % 2), (0, 0)), mode="edge")
+        if self._pixel_format == "bgr24" and (frame.shape[0] % 2 or frame.shape[1] % 2):
+            frame = np.pad(frame, ((0, frame.shape[0] % 2), (0, frame.shape[1] % 2), (0, 0)), mode="edge")
         time_us = round((self.frames / self._rate if time_s is None else time_s) * 1_000_000)
         # A player needs ascending times: one that stands still or goes back moves up by a tick.
         time_us = max(time_us, self._last_us + -(-1_000_000 // self._timescale) if self.frames else 0)
         try:
-            _pour(self._process.stdin, matroska.frame_header(time_us, frame.nbytes))
-            _pour(self._process.stdin, np.ascontiguousarray(frame))
+            _pour(encoder.pipe, matroska.frame_header(time_us, frame.nbytes))
+            _pour(encoder.pipe, np.ascontiguousarray(frame).data)
         except (OSError, ValueError):  # ffmpeg is gone: a broken pipe, or on Windows an invalid argument
-            raise self._failure() from None
+            raise self._failure(encoder) from None
         self._last_us, self.frames = time_us, self.frames + 1
 
     def close(self) -> None:
         """Finish the file and give it its name; LanelibError if ffmpeg could not."""
-        if self._process is None:
+        encoder = self._encoder
+        if encoder is None:
             raise LanelibError(f"{self.path}: needed at least one frame to write, found none")
         with contextlib.suppress(OSError):
-            self._process.stdin.close()
-        if self._process.wait() != 0:
-            raise self._failure()
-        self._log_thread.join()
-        self._abandon.detach()
+            encoder.pipe.close()
+        if encoder.process.wait() != 0:
+            raise self._failure(encoder)
+        encoder.log_thread.join()
+        encoder.abandon.detach()
         try:
             os.replace(self._part, self.path)
         except OSError as error:  # it is a folder by now, or open in a player
@@ -118,24 +127,24 @@ class VideoWriter:
 
     def abort(self) -> None:
         """End ffmpeg and remove what was written so far."""
-        if self._process is not None:
-            self._abandon()
+        if self._encoder is not None:
+            self._encoder.abandon()
 
     def interrupt(self) -> None:
         """End a write that waits for ffmpeg in another thread; abort() must follow."""
-        if self._process is not None:
-            self._process.kill()
+        if self._encoder is not None:
+            self._encoder.process.kill()
 
-    def _failure(self) -> LanelibError:
+    def _failure(self, encoder: _Encoder) -> LanelibError:
         with contextlib.suppress(OSError):
-            self._process.stdin.close()
+            encoder.pipe.close()
         with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(timeout=10)  # its last words tell why
-        self.abort()
-        why = reason("\n".join(self._said)) if self._said else f"it ended with status {self._process.returncode}"
+            encoder.process.wait(timeout=10)  # its last words tell why
+        encoder.abandon()
+        why = reason("\n".join(self._said)) if self._said else f"it ended with status {encoder.process.returncode}"
         return LanelibError(f"{self.path}: cannot write the video, ffmpeg says: {why}")
 
-    def _start(self, first: np.ndarray, first_s: float) -> None:
+    def _start(self, first: np.ndarray, first_s: float) -> _Encoder:
         if self.size_wh is None:
             if first.ndim != (3 if self._pixel_format == "bgr24" else 2):
                 raise LanelibError(f"{self.path}: needed {self._pixel_format} frames, found shape {first.shape}")
@@ -149,7 +158,7 @@ class VideoWriter:
         exact = "scale=out_range=tv:flags=bicubic+accurate_rnd"  # else white comes out grey
         filters = [] if planes else [f"{exact}{f':out_color_matrix={matrix}' if matrix else ''}"]
         filters += ["format=yuv420p", f"setparams=range=tv{f':colorspace={matrix}' if matrix else ''}"]
-        self._process = subprocess.Popen(
+        process = subprocess.Popen(
             [ffmpeg_exe(), "-hide_banner", "-nostats", "-y", "-loglevel", "level+warning", "-probesize", "32",
              "-analyzeduration", "0", "-itsoffset", f"{first_s:.6f}",  # else ffmpeg moves the first frame to 0
              "-f", "matroska", "-i", "pipe:0", *self._audio_input(), "-map", "0:v:0",
@@ -157,18 +166,20 @@ class VideoWriter:
              "-threads", str(self._threads), "-fps_mode", "passthrough", "-enc_time_base", f"1/{self._timescale}",
              "-video_track_timescale", str(self._timescale), "-movflags", "+faststart", file_url(self._part)],
             stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, bufsize=0, **POPEN_OPTIONS)
-        widen_pipe(self._process.stdin)
-        self._log_thread = threading.Thread(target=_collect, args=(self._process.stderr, self._said), daemon=True,
-                                            name="ffmpeg-log")
-        self._log_thread.start()
-        self._abandon = weakref.finalize(self, end_process, self._process, self._log_thread, self._part)
+        assert process.stdin is not None
+        widen_pipe(process.stdin)
+        log_thread = threading.Thread(target=_collect, args=(process.stderr, self._said), daemon=True,
+                                      name="ffmpeg-log")
+        log_thread.start()
+        abandon = weakref.finalize(self, end_process, process, log_thread, self._part)
+        self._encoder = _Encoder(process, process.stdin, log_thread, abandon)
         with contextlib.suppress(OSError):
-            _pour(self._process.stdin, matroska.file_header((width, height), self._pixel_format, self._rate))
+            _pour(process.stdin, matroska.file_header((width, height), self._pixel_format, self._rate))
+        return self._encoder
 
     def _audio_input(self) -> list[str]:
         source, start_s, duration_s = self._audio
-        codec = None if source is None else probe(source).audio_codec
-        if codec is None:
+        if source is None or (codec := probe(source).audio_codec) is None:
             return []
         section = ["-ss", f"{start_s:.6f}"] * bool(start_s)
         section += ["-t", f"{duration_s:.6f}"] if duration_s is not None else []
@@ -194,14 +205,14 @@ def checked_output(path: str | Path, *, source: str | Path | None = None) -> Pat
     return path
 
 
-def _pour(pipe: IO[bytes], data: bytes | np.ndarray) -> None:
+def _pour(pipe: IO[bytes], data: bytes | memoryview) -> None:
     """Write all of it (a pipe may take a part only)."""
     view = memoryview(data).cast("B")
     while view:
         view = view[pipe.write(view):]
 
 
-def _collect(pipe: IO[bytes], said: list[str]) -> None:
+def _collect(pipe: io.FileIO, said: list[str]) -> None:
     with io.BufferedReader(pipe) as lines:
         for raw in lines:
             if len(said) < MAX_MESSAGES:

@@ -61,6 +61,7 @@ def joint_state(
     mean = np.zeros(7)
     mean[CENTRE], mean[WIDTH], mean[PITCH] = centre, width, pitch
     mean[HEADING], mean[BEND] = (bl + br) / 2 - centre * pitch / height_m, (al + ar) / 2
+    assert left.covariance is not None and right.covariance is not None
     variance = (np.diag(left.covariance) + np.diag(right.covariance)) / 4
     unknown = np.diag(UNKNOWN_ROAD.covariance)
     covariance = np.diag(

@@ -65,7 +65,7 @@ def check_ridge(answer):
             return array(values[inner], expected[inner], unit="grey levels", rel=1e-6)
         return array(value, expected)
 
-    verdict: Verdict = right()
+    verdict = right()
     for row, distance, expected in cases:
         judge.row = row
         judged = function(answer, [((row, distance), expected)], judge, distance=distance)

@@ -27,7 +27,7 @@ def projected_corners(board: BoardView, calibration: Calibration) -> np.ndarray 
 
     None where no corners were found, or where the board is bent and not seen whole.
     """
-    if board.corners_px is None:
+    if board.corners_px is None or board.corners_wh is None:
         return None
     points = board_points(board.corners_wh) if calibration.flat else calibration.board_m
     seen, camera = np.asarray(board.corners_px, np.float64).reshape(-1, 1, 2), calibration.camera
@@ -50,7 +50,7 @@ def board_look(calibration: Calibration, number: int, picture: np.ndarray, *, ga
         frame = cv2.resize(frame, size_wh, interpolation=cv2.INTER_AREA)
     plain, worst = frame, None
     projected = projected_corners(board, calibration)
-    if board.corners_px is not None:
+    if board.corners_px is not None and board.corners_wh is not None:
         seen = np.asarray(board.corners_px, float).reshape(-1, 2)
         frame = draw.draw_corners(frame, seen, board.corners_wh)
         if projected is not None:
@@ -72,7 +72,7 @@ def board_look(calibration: Calibration, number: int, picture: np.ndarray, *, ga
     readings = (
         Reading("picture", board.name),
         Reading("used", "yes" if board.used else "no"),
-        Reading("corners found", "–" if board.corners_px is None else f"{board.corners_wh[0]} × {board.corners_wh[1]}"),
+        Reading("corners found", "–" if board.corners_wh is None else f"{board.corners_wh[0]} × {board.corners_wh[1]}"),
         Reading("rms of this board", board.rms_px, "px", 3),
         Reading("worst corner", worst, "px", 2),
         Reading("rms of all", calibration.rms_px, "px", 3),

@@ -132,7 +132,7 @@ def detect_look(
 def lane_readings(result: LaneResult, truth=None) -> list[Reading]:
     """What a result says about the lane at the car, beside the truth where it is given."""
     true = truth or {}
-    bend = None if not result else 1000 * result.curvature_1pm
+    bend = None if result.curvature_1pm is None else 1000 * result.curvature_1pm
     true_bend = None if true.get("curvature_1pm") is None else 1000 * true["curvature_1pm"]
     radius = true.get("radius_m", float("inf") if true else None)
     radius = float("inf") if true and true.get("lanes") and radius is None else radius

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import contextmanager
 
 import ipywidgets as W
+import numpy as np
 
 from lanelib.errors import LanelibError
 from lanelib.explore.access import Access
@@ -108,7 +109,8 @@ class Explorer(W.VBox):
         alt: str = "",
     ):
         self.title, self.controls, self._make = title, dict(controls), make
-        self._held, self.look, self.milliseconds = 0, None, 0.0
+        self._held, self.milliseconds = 0, 0.0
+        self.look = Look(np.zeros((300, WIDTH_PX, 3), np.uint8))  # until there is one
         self._asked, self._lock = 0, threading.RLock()
         hidden = set(hidden)
         self.picture = W.Image(format="jpeg", layout=W.Layout(width="100%", height="auto", object_fit="contain"))
@@ -195,8 +197,6 @@ class Explorer(W.VBox):
         self.numbers.value = numbers + (code if self.look.code else "")
 
     def _size_wh(self) -> tuple[int, int]:
-        if self.look is None:
-            return WIDTH_PX, 300
         return self.look.picture.shape[1], self.look.picture.shape[0]
 
     def __repr__(self) -> str:

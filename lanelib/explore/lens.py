@@ -24,7 +24,7 @@ def camera_of(camera: Camera, *, k1: float, k2: float, p1: float, p2: float, k3:
     matrix = camera.camera_matrix.copy()
     matrix[1, 1] *= f / matrix[0, 0]
     matrix[0, 0] = f
-    return Camera(matrix, [k1, k2, p1, p2, k3], camera.size_wh)
+    return Camera(matrix, np.array([k1, k2, p1, p2, k3]), camera.size_wh)
 
 
 def straight_grid(size_wh: tuple[int, int]) -> list[np.ndarray]:
@@ -53,9 +53,8 @@ def distortion_look(camera: Camera, frame_bgr: np.ndarray | None = None, **lens:
     width, height = camera.size_wh
     size_wh = (PANEL_WIDTH, round(PANEL_WIDTH * height / width))
     small = Camera(_scaled_matrix(tried, size_wh), tried.distortion, size_wh)
-    if frame_bgr is None:
-        given = np.full((size_wh[1], size_wh[0], 3), 236, np.uint8)
-    else:
+    given: np.ndarray = np.full((size_wh[1], size_wh[0], 3), 236, np.uint8)
+    if frame_bgr is not None:
         given = cv2.resize(frame_bgr, size_wh, interpolation=cv2.INTER_AREA)
     undistorted = small.undistort(given)
     left, right = given.copy(), undistorted

@@ -86,5 +86,5 @@ def coloured(mask: np.ndarray, truth: PaintTruth | None, under_bgr: np.ndarray) 
     for where, colour in layers:
         share = cv2.resize(where.astype(np.uint8) * 255, size_wh, interpolation=cv2.INTER_AREA)
         share = np.minimum(share.astype(np.float32) * (2.5 / 255), 1)[..., None]  # thin lines must not fade away
-        out += (np.float32(bgr(colour)) - out) * share
+        out += (np.array(bgr(colour), np.float32) - out) * share
     return np.round(out).astype(np.uint8)

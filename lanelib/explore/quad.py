@@ -107,7 +107,7 @@ class Quad(anywidget.AnyWidget):
     _css = CSS
     image = traitlets.Bytes(b"").tag(sync=True)
     size = traitlets.List(traitlets.Int(), [1280, 720]).tag(sync=True)
-    value = traitlets.List().tag(sync=True)
+    value: traitlets.List[list[float]] = traitlets.List().tag(sync=True)
     names = traitlets.List(traitlets.Unicode(), list(CORNERS)).tag(sync=True)
     label = traitlets.Unicode("four corners to drag").tag(sync=True)
     throttle_ms = traitlets.Int(40).tag(sync=True)

@@ -46,7 +46,9 @@ class Clip:
 
     def frame(self, number: int) -> np.ndarray:
         """The picture of a frame, (H, W, 3) uint8 BGR."""
-        return cv2.imdecode(np.frombuffer(self.pictures[number], np.uint8), cv2.IMREAD_COLOR)
+        picture = cv2.imdecode(np.frombuffer(self.pictures[number], np.uint8), cv2.IMREAD_COLOR)
+        assert picture is not None
+        return picture
 
     @cached_property
     def badness(self) -> np.ndarray:

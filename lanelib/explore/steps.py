@@ -151,8 +151,8 @@ def recipe_code(steps: Sequence[Step], name: str = "my_recipe") -> str:
     }
     head = ["import numpy as np"] if "np." in used else []
     for module, names in needs.items():
-        names = [n for n in names if f"{n}(" in used or f"{n}[" in used]
-        head += [f"from {module} import {', '.join(names)}"] if names else []
+        needed = [n for n in names if f"{n}(" in used or f"{n}[" in used]
+        head += [f"from {module} import {', '.join(needed)}"] if needed else []
     body = "\n".join(f"    {line}" for line in lines)
     doc = '    """(H, W, 3) uint8 BGR -> mask (H, W) uint8 0/255."""'
     return "\n".join(head) + f"\n\n\ndef {name}(frame_bgr):\n{doc}\n{body}\n"

@@ -8,6 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
+from lanelib.birdseye import BirdsEye
 from lanelib.draw import PALETTE, SERIES
 from lanelib.figures.style import INK, WIDTH_IN, extent_of, in_style, put_picture
 
@@ -77,7 +78,7 @@ def dash_middles(y_m, brightness, *, far_m: float = 45.0) -> np.ndarray:
 
 
 @in_style
-def views(undistorted: np.ndarray, by_name: Mapping[str, object], lines_m: Sequence[float] = ()) -> Figure:
+def views(undistorted: np.ndarray, by_name: Mapping[str, BirdsEye], lines_m: Sequence[float] = ()) -> Figure:
     """The bird's-eye views of one picture in several geometries (`BirdsEye`), on the same scale; ``lines_m``: vertical
     lines at these x."""
     figure, axes = plt.subplots(1, len(by_name), figsize=(2.6 * len(by_name) + 0.5, 4.6), layout="constrained",

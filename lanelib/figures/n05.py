@@ -19,13 +19,13 @@ def tradeoff(families: Mapping[str, Sequence[tuple[str, float, float, float]]]) 
     figure, axes = plt.subplots(1, 2, figsize=(WIDTH_IN, 4.2), layout="constrained", sharey=True)
     every = [point for points in families.values() for point in points]
     widest = [max(float(np.nanmax(column)), 1e-9) for column in zip(*(point[1:] for point in every), strict=True)]
-    for a, at in ((axes[0], 1), (axes[1], 3)):
+    for a, at in ((axes[0], 0), (axes[1], 2)):
         labelled: list[tuple[float, float]] = []  # as shares of the axes; where points crowd, some stay without words
         for i, (name, points) in enumerate(families.items()):
-            x, jitter = ([point[k] for point in points] for k in (at, 2))
+            x, jitter = ([point[1:][k] for point in points] for k in (at, 1))
             a.plot(x, jitter, "o-", color=SERIES[i], label=name, markersize=5, linewidth=1.4)
             for label, u, v in zip((point[0] for point in points), x, jitter, strict=True):
-                place = (u / widest[at - 1], v / widest[1])
+                place = (u / widest[at], v / widest[1])
                 if all(abs(place[0] - p) > 0.06 or abs(place[1] - q) > 0.045 for p, q in labelled):
                     a.annotate(label, (u, v), xytext=(5, 4), textcoords="offset points", fontsize=7.5, color=SOFT)
                     labelled.append(place)
