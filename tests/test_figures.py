@@ -144,6 +144,19 @@ def test_left_is_vermillion_and_right_is_blue_and_the_band_is_two_sigma():
     np.testing.assert_allclose(np.ptp(at_start), 4 * np.sqrt(1e-3), rtol=1e-6)
 
 
+def test_the_fit_names_its_lines_and_shows_no_truth_beyond_its_upper_edge():
+    truth = [[(-1.8, 0), (0.0, 38), (50.0, 138)], [(1.8, 0), (3.6, 30)]]
+    axes = figures.fit(LANE, truth_m=truth, y_max_m=40).axes[0]
+    cut, short = axes.lines[2].get_xydata(), axes.lines[3].get_xydata()
+    np.testing.assert_allclose(cut, [(-1.8, 0), (0.0, 38), (1.0, 40)])  # up to the edge of the figure
+    np.testing.assert_allclose(short, truth[1])
+    assert axes.get_xlim()[1] < 10  # not the 60 m of what is not shown
+    names = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert names == ["left line: R 500 m, bends right", "right line: R 500 m, bends right", "truth"]
+    box, width = axes.get_window_extent(), axes.figure.bbox.width
+    assert box.width > 0.75 * width  # long names beside one another would squeeze the axes
+
+
 def test_the_warp_shows_the_same_rectangle_twice():
     view = birdseye()
     corners = [(-2, 20), (2, 20), (2, 8), (-2, 8)]

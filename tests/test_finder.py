@@ -15,8 +15,9 @@ from lanelib import datasets, jointfit
 from lanelib.datasets import project_root
 from lanelib.errors import LanelibError
 from lanelib.evaluate import metric_score, pixel_score, score
-from lanelib.finder import LaneFinder, Rig, confidence_of
+from lanelib.finder import LaneFinder, Rig, confidence_of, implausible
 from lanelib.labels import read_labels
+from lanelib.lane import Check
 from lanelib.rig import View
 from lanelib.road import CarPose, Marking, Mounting, Road
 from lanelib.simulator import Scene, render_road
@@ -294,6 +295,13 @@ def test_what_no_road_can_be_is_refused_with_its_number(lane, why):
     result = LaneFinder(RIG, track=False).process(paint_frame(lane, size_wh=SMALL))
     assert result.status == "none" and re.search(f"implausible lane: {why}.*, allowed ", result.reason)
     assert [check.ok for check in result.checks].count(False) == 1
+
+
+def test_a_value_is_told_from_the_limit_that_it_fails():
+    limit = "width changes by at most 0.6 m in 20 m"
+    checks = (Check("order", 3.6, "more than 0 m", True), Check("parallel", 0.60031, limit, False))
+    assert implausible(checks) == f"implausible lane: parallel 0.6003, allowed {limit}"
+    assert implausible((Check("width", 4.93, "2.6-4.6 m", False),)) == "implausible lane: width 4.93, allowed 2.6-4.6 m"
 
 
 def test_what_no_road_can_be_does_not_hide_what_one_can_be(monkeypatch):

@@ -12,7 +12,7 @@ from lanelib.channels import as_bgr
 from lanelib.draw.palette import bgr
 from lanelib.explore.kit import Explorer, choice, counter, slider
 from lanelib.explore.look import WIDTH_PX, Look, Reading
-from lanelib.finder import LaneFinder
+from lanelib.finder import LaneFinder, implausible
 from lanelib.lane import Lane, check_lane
 from lanelib.result import LaneResult
 from lanelib.rig import Rig, View
@@ -60,8 +60,8 @@ def by_windows(
         return LaneResult(None, "none", reason, size_wh=view.rig.size_wh), pixels
     lane = Lane(left, right)
     checks = check_lane(lane)
-    failed = next((check for check in checks if not check.ok), None)
-    reason = f"implausible lane: {failed.name} {failed.value:.3g}, allowed {failed.limit}" if failed else ""
+    failed = not all(check.ok for check in checks)
+    reason = implausible(checks) if failed else ""
     lines = view.lines_px(lane)
     return LaneResult(lane, "none" if failed else "measured", reason, 0.0, checks, *lines, view.rig.size_wh), pixels
 

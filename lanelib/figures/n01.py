@@ -75,8 +75,7 @@ def against_truth(camera: Camera, true: Camera) -> Figure:
     a.margins(y=0.2)
     a.set(xlabel="calibrated minus true, px (bars: ± 2 standard deviations)", title="nine numbers, four of them here")
     x, y = np.arange(0, camera.size_wh[0], 20), np.arange(0, camera.size_wh[1], 20)
-    pixels = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
-    off = np.hypot(*(_rays(camera, pixels) - _rays(true, pixels)).T) * true.camera_matrix[0, 0]
+    off = _off_px(camera, true, _every_20_px(camera))
     drawn = b.imshow(off.reshape(len(y), len(x)), extent=(-10, x[-1] + 10, y[-1] + 10, -10), cmap="viridis", vmin=0)
     figure.colorbar(drawn, ax=b, label="px", shrink=0.9)
     b.set(title="how far each pixel's ray is off", xlabel="u, px", ylabel="v, px")
@@ -86,9 +85,24 @@ def against_truth(camera: Camera, true: Camera) -> Figure:
 
 def ray_error_px(camera: Camera, true: Camera) -> float:
     """Root mean square over the frame of what `against_truth` shows on its right, px."""
-    pixels = np.stack(np.meshgrid(np.arange(0, camera.size_wh[0], 20), np.arange(0, camera.size_wh[1], 20)), -1)
-    off = _rays(camera, pixels.reshape(-1, 2)) - _rays(true, pixels.reshape(-1, 2))
-    return float(np.sqrt((off**2).sum(axis=1).mean()) * true.camera_matrix[0, 0])
+    return float(np.sqrt((_off_px(camera, true, _every_20_px(camera)) ** 2).mean()))
+
+
+def worst_ray(camera: Camera, true: Camera) -> tuple[float, np.ndarray]:
+    """The largest error that `against_truth` shows on its right, px, and the pixel (u, v) where it is."""
+    pixels = _every_20_px(camera)
+    off = _off_px(camera, true, pixels)
+    return float(off.max()), pixels[off.argmax()]
+
+
+def _every_20_px(camera: Camera) -> np.ndarray:
+    x, y = np.arange(0, camera.size_wh[0], 20), np.arange(0, camera.size_wh[1], 20)
+    return np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
+
+
+def _off_px(camera: Camera, true: Camera, pixels: np.ndarray) -> np.ndarray:
+    """How far the ray of each pixel (N, 2) lies from its true one, px."""
+    return np.hypot(*(_rays(camera, pixels) - _rays(true, pixels)).T) * true.camera_matrix[0, 0]
 
 
 def _rays(camera: Camera, pixels: np.ndarray) -> np.ndarray:

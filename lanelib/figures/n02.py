@@ -6,15 +6,19 @@ from collections.abc import Mapping, Sequence
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from lanelib import draw
 from lanelib.channels import CHANNELS
 from lanelib.draw import PALETTE, SERIES
 from lanelib.figures.pictures import thresholds
-from lanelib.figures.style import INK, WIDTH_IN, in_style
-from lanelib.threshold import SIDE_DISTANCE
+from lanelib.figures.style import INK, WIDTH_IN, in_style, put_picture
+from lanelib.threshold import SIDE_DISTANCE, Gradients, direction, magnitude
 
 MARKERS = "osD^vP"
+SHADE = "#c3c9d0"  # true paint behind curves: grey, for yellow and green are series
 
 
 def masks(frame_bgr, by_name: Mapping[str, np.ndarray], truth, *, rows: slice = slice(390, 690), columns: int = 2):
@@ -26,20 +30,37 @@ def masks(frame_bgr, by_name: Mapping[str, np.ndarray], truth, *, rows: slice = 
 
 @in_style
 def profiles(frames: Mapping[str, np.ndarray], truths: Sequence, row: int) -> Figure:
-    """Brightness (R + G) / 2 and yellow min(R, G) - B along one row of several frames; true paint is shaded."""
+    """Brightness (R + G) / 2 and yellowness min(R, G) - B along one row of several frames; true paint is shaded."""
     figure, axes = plt.subplots(len(frames), 1, figsize=(WIDTH_IN, 1.45 * len(frames) + 0.5), layout="constrained",
                                 sharex=True, sharey=True)  # fmt: skip
     for a, (name, frame), truth in zip(np.atleast_1d(axes), frames.items(), truths, strict=True):
         blue, green, red = frame[row].astype(float).T
         x = np.arange(len(red))
-        a.fill_between(x, 0, 255, where=truth.paint[row], color=PALETTE["paint"], alpha=0.55, linewidth=0,
-                       label="true paint")  # fmt: skip
+        a.fill_between(x, 0, 255, where=truth.paint[row], color=SHADE, linewidth=0, label="true paint")
         a.plot(x, (red + green) / 2, color=INK, linewidth=1.1, label="brightness")
-        a.plot(x, np.minimum(red, green) - blue, color=PALETTE["none"], linewidth=1.1, linestyle="--", label="yellow")
-        a.set(ylim=(-30, 255), ylabel="grey levels", xlim=(150, 1150))
+        a.plot(x, np.minimum(red, green) - blue, color=PALETTE["none"], linewidth=1.1, linestyle="--",
+               label="yellowness")  # fmt: skip
+        a.set(ylim=(-30, 275), ylabel="grey levels", xlim=(150, 1150))
         a.set_title(name, fontsize=9.5)
     figure.legend(*np.atleast_1d(axes)[0].get_legend_handles_labels(), loc="outside upper right", ncols=3)
     np.atleast_1d(axes)[-1].set_xlabel(f"column of row {row}, px")
+    return figure
+
+
+@in_style
+def gradients(frame_bgr: np.ndarray, found: Gradients, *, top: float = 20.0) -> Figure:
+    """A picture and its gradients (`threshold.sobel`): |Sobel x|, magnitude and direction, each with its scale, which
+    ends at ``top`` grey levels a pixel."""
+    panels = {"|Sobel x|": (np.abs(found.x), top, "grey levels a pixel"),
+              "magnitude": (magnitude(found), top, "grey levels a pixel"),
+              "direction": (np.rad2deg(direction(found)), 90.0, "degrees")}  # fmt: skip
+    height, width = frame_bgr.shape[:2]
+    figure, axes = plt.subplots(2, 2, figsize=(WIDTH_IN, 8.6 * height / width + 0.9), layout="constrained")
+    put_picture(axes[0, 0], frame_bgr, "frame")
+    for a, (name, (values, largest, unit)) in zip(axes.flat[1:], panels.items(), strict=True):
+        put_picture(a, draw.heat(values, top=largest), name)
+        scale = ScalarMappable(Normalize(0, largest), "inferno")  # the colours of draw.heat
+        figure.colorbar(scale, ax=a, label=unit, aspect=12, pad=0.02)
     return figure
 
 
@@ -58,7 +79,7 @@ def separations(frames: Mapping[str, np.ndarray], paints: Sequence, roads: Seque
     table = np.array([[max(s, 1 - s) for s in (separation(CHANNELS[name](frame), paint, road)
                        for frame, paint, road in zip(frames.values(), paints, roads, strict=True))]
                       for name in names])  # fmt: skip
-    figure, a = plt.subplots(figsize=(1.45 * len(frames) + 1.6, 0.31 * len(names) + 1.1), layout="constrained")
+    figure, a = plt.subplots(figsize=(1.45 * len(frames) + 1.6, 0.31 * len(names) + 1.4), layout="constrained")
     a.imshow(table, cmap="cividis", vmin=0.5, vmax=1, aspect="auto")
     for (i, j), value in np.ndenumerate(table):
         a.text(j, i, f"{value:.2f}", ha="center", va="center", color="white" if value < 0.8 else "black", fontsize=9)
@@ -66,6 +87,8 @@ def separations(frames: Mapping[str, np.ndarray], paints: Sequence, roads: Seque
     a.set_yticks(range(len(names)), names)
     a.tick_params(length=0, labelcolor=INK, labelsize=9)
     a.xaxis.tick_top()
+    figure.suptitle("how often paint and road are told apart (0.5 is a coin)", x=0.01, ha="left", fontsize=10.5,
+                    fontweight="bold")  # fmt: skip
     a.grid(False)
     return figure
 
@@ -114,20 +137,21 @@ def ridge_along_row(brightness: np.ndarray, response: np.ndarray, paint: np.ndar
     figure, (a, b) = plt.subplots(2, 1, figsize=(WIDTH_IN, 4.2), layout="constrained", sharex=True)
     x = np.arange(len(brightness))
     for axes, top in ((a, 255), (b, 4)):
-        axes.fill_between(x, 0, top, where=paint, color=PALETTE["paint"], alpha=0.55, linewidth=0, label="true paint")
+        axes.fill_between(x, 0, top, where=paint, color=SHADE, linewidth=0, label="true paint")
     a.plot(x, brightness, color=INK, linewidth=1.1)
     painted = np.flatnonzero(paint)
     first_run = np.split(painted, np.flatnonzero(np.diff(painted) > 1) + 1)[0]
     middle = float(first_run.mean()) if len(painted) else len(x) / 2
     for shift, name in ((-SIDE_DISTANCE, "l"), (0, "c"), (SIDE_DISTANCE, "r")):
         at = middle + shift * width_px
-        a.axvspan(at - width_px / 2, at + width_px / 2, 0.86, 0.94, color=PALETTE["accent"])
-        a.text(at, 229, name, ha="center", va="center", fontsize=8, fontweight="bold")
+        a.fill_between([at - width_px / 2, at + width_px / 2], 266, 294, color=PALETTE["accent"], linewidth=0,
+                       label="boxes compared" if name == "c" else None)  # fmt: skip
+        a.text(at, 279, name, ha="center", va="center", fontsize=8, fontweight="bold", color="white")
     b.plot(x, np.clip(response, -0.5, 4), color=PALETTE["estimate"], linewidth=1.3)
     b.axhline(1, color=PALETTE["none"], linestyle="--", linewidth=1.2)
     b.annotate("1: paint", (1, 1), xycoords=("axes fraction", "data"), xytext=(-4, 3), textcoords="offset points",
                ha="right", color=PALETTE["none"])  # fmt: skip
-    a.set(ylabel="brightness", ylim=(0, 255), xlim=(150, 1150))
+    a.set(ylabel="brightness, grey levels", ylim=(0, 300), xlim=(150, 1150))
     b.set(ylabel="ridge", ylim=(-0.5, 4), xlabel="column, px")
-    a.legend(loc="lower left", bbox_to_anchor=(0, 1))
+    a.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
     return figure

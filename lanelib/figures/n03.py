@@ -55,7 +55,7 @@ def along_line(rulers: Mapping[str, Sequence[float]], brightness: Sequence[float
         a.plot(middles, np.full(len(middles), 60), "^", color=PALETTE["none"], markersize=8, clip_on=False)
         a.set(ylabel="brightness", xlim=(4, 45), ylim=(50, 265))
         a.set_title(name, fontsize=9.5)
-    key = f"triangles: middles of dashes; dashed: every {period_m:.2f} m from the first"
+    key = f"triangles: middles of dashes; dashed: every {period_m:.2f} m from the first; a spike: a reflector"
     np.atleast_1d(axes)[-1].set_xlabel(f"distance ahead, m   ({key})")
     return figure
 
@@ -79,18 +79,20 @@ def dash_middles(y_m, brightness, *, far_m: float = 45.0) -> np.ndarray:
 
 @in_style
 def views(undistorted: np.ndarray, by_name: Mapping[str, BirdsEye], lines_m: Sequence[float] = ()) -> Figure:
-    """The bird's-eye views of one picture in several geometries (`BirdsEye`), on the same scale; ``lines_m``: vertical
-    lines at these x."""
+    """The bird's-eye views of one picture in several geometries (`BirdsEye`), on the same scale; ``lines_m``: where
+    the lines of a straight lane truly are, dashed."""
     figure, axes = plt.subplots(1, len(by_name), figsize=(2.6 * len(by_name) + 0.5, 4.6), layout="constrained",
                                 sharey=True)  # fmt: skip
     for a, (name, view) in zip(np.atleast_1d(axes), by_name.items(), strict=True):
         put_picture(a, view.warp(undistorted), name, extent_of(view.grid))
         for x in lines_m:
-            a.axvline(x, color=PALETTE["trapezoid"], linestyle=(0, (5, 3)), linewidth=1)
+            reference = a.axvline(x, color=PALETTE["trapezoid"], linestyle=(0, (5, 3)), linewidth=1)
         a.set(xlabel="x, m")
         a.grid(color="white", alpha=0.2)
         a.set_axisbelow(False)
     np.atleast_1d(axes)[0].set_ylabel("y ahead, m")
+    if len(lines_m):
+        figure.legend([reference], ["dashed: where the lines truly are"], loc="outside lower center")
     return figure
 
 

@@ -77,7 +77,8 @@ def fit(
     """Points and fitted lines on the road, in metres, with a band of two standard deviations.
 
     ``points_m``: {"left": (N, 2), "right": (N, 2)}; ``lines``: further {name: `lane.Line`}; ``truth_m``: [left,
-    right], each (N, 2); ``view`` with its uniform ``grid``: a bird's-eye picture below it all.
+    right], each (N, 2), drawn up to ``y_max_m``; ``view`` with its uniform ``grid``: a bird's-eye picture below it
+    all.
     """
     figure, a = plt.subplots(figsize=(5.2, 6.4), layout="constrained")
     if view is not None:
@@ -96,12 +97,12 @@ def fit(
         y = np.linspace(0, y_max_m or max(line.y_range_m[1], 5.0), 120)
         colour = PALETTE[name] if name in ("left", "right") else next(series)
         x, std = line.x(y), line.std_x_m(y)
-        a.plot(x, y, color=colour, label=f"{name}, {_bend(line)}")
+        a.plot(x, y, color=colour, label=f"{name} line: {_bend(line)}" if name in named else f"{name}: {_bend(line)}")
         if np.isfinite(std).all():
             a.fill_betweenx(y, x - 2 * std, x + 2 * std, color=colour, alpha=0.2, linewidth=0)
     for i, xy in enumerate(truth_m or ()):
         a.plot(
-            *np.asarray(xy, float).T,
+            *_up_to(np.asarray(xy, float), y_max_m).T,  # what is not shown must not widen the axis
             color=PALETTE["truth"],
             linestyle=(0, (5, 3)),
             linewidth=1.2,
@@ -110,10 +111,19 @@ def fit(
     a.plot(0, 0, marker="^", color=INK, markersize=10, clip_on=False)
     a.set(xlabel="x to the right, m", ylabel="y ahead, m", ylim=(0, y_max_m))
     if len(a.get_legend_handles_labels()[0]):
-        a.legend(loc="upper left", bbox_to_anchor=(0, -0.1), ncols=3)
+        a.legend(loc="upper left", bbox_to_anchor=(0, -0.1))  # in one column: a wider one would squeeze the axes
     return figure
+
+
+def _up_to(xy: np.ndarray, y_max_m: float | None) -> np.ndarray:
+    """The points (N, 2), y rising, up to ``y_max_m``, where the line is cut."""
+    x, y = xy.T
+    if y_max_m is None or y[-1] <= y_max_m:
+        return xy
+    return np.vstack([xy[y < y_max_m], (np.interp(y_max_m, y, x), y_max_m)])
 
 
 def _bend(line) -> str:
     radius = line.radius_m()
-    return "straight" if math.isinf(radius) else f"R {radius:.0f} m {'left' if line.curvature_1pm() > 0 else 'right'}"
+    side = "left" if line.curvature_1pm() > 0 else "right"
+    return "straight" if math.isinf(radius) else f"R {radius:.0f} m, bends {side}"

@@ -24,7 +24,9 @@
 try:
     from lanelib import notebook
 except ModuleNotFoundError as missing:
-    raise SystemExit(f"{missing.name} is not installed; run `make lab` in the project's folder") from None
+    raise SystemExit(
+        f"{missing.name} is not installed; run `make lab` in the project's folder"
+    ) from None
 notebook.start()
 
 # %%
@@ -90,14 +92,16 @@ figures.thresholds(frame, masks, paint=paint.paint)
 explore.threshold(frame, truth)
 
 # %% alt="Precision and recall over the brightness threshold: precision stays low until recall has fallen."
-levels = np.arange(100, 251, 10)
+levels = np.arange(100, 251)
 scores = [paint.score(CHANNELS["grey"](frame) > level) for level in levels]
 precision, recall = np.array(scores).T
-figures.curves(levels, {"precision": precision, "recall": recall}, xlabel="grey above", ylabel="share")
+figures.curves(levels, {"precision": precision, "recall": recall}, markers=False,
+               xlabel="grey above", ylabel="share")
 
 # %%
 both = np.nanmax(np.minimum(precision, recall))
-notebook.say(f"The best that one brightness can do here: precision and recall both at **{both:.2f}**.")
+notebook.say("The best that one brightness can do here: "
+             f"precision and recall both at **{both:.2f}**.")
 
 # %% [markdown]
 # So no: where the number is low enough to keep the paint, it keeps the concrete. What tells paint from concrete is not
@@ -164,11 +168,12 @@ exercises.check_offset_of(offset_of)
 # says where each line really is, in pixels and in metres. The finder never sees that file.
 
 # %%
+bend, true_bend = 1e3 * result.curvature_1pm, 1e3 * truth["curvature_1pm"]
 rows = [
     ["", "found", "true"],
     ["offset, m", f"{result.offset_m:+.2f}", f"{truth['offset_m']:+.2f}"],
     ["lane width, m", f"{result.width_m:.2f}", f"{truth['lane_width_m']:.2f}"],
-    ["curvature, 1/km", f"{1e3 * result.curvature_1pm:+.2f}", f"{1e3 * truth['curvature_1pm']:+.2f}"],
+    ["curvature, 1/km", f"{bend:+.2f}", f"{true_bend:+.2f}"],
     ["radius, m", f"{result.radius_m:.1f}", f"{truth['radius_m']:.1f}"],
 ]
 notebook.say(table(rows))
@@ -194,9 +199,9 @@ notebook.say(", ".join(f"at {y:.0f} m: {100 * m:.1f} cm" for y, m in zip(at, mis
 # %%
 y = np.linspace(5, 50, 46)
 centre = np.mean([np.interp(y, *np.array(line).T[::-1]) for line in truth["lanes_road_m"]], axis=0)
-bend = -2e3 * np.polyfit(y, centre, 2)[0]
-notebook.say(f"True curvature at the car {1e3 * truth['curvature_1pm']:+.2f} /km, of a parabola through the true lines "
-             f"**{bend:+.2f} /km**, found **{1e3 * result.curvature_1pm:+.2f} /km**.")
+parabola = -2e3 * np.polyfit(y, centre, 2)[0]
+notebook.say(f"True curvature at the car {true_bend:+.2f} /km, of a parabola through the true "
+             f"lines **{parabola:+.2f} /km**, found **{bend:+.2f} /km**.")
 
 # %% [markdown]
 # The finder says how the road bends *over what it sees*. For steering that is the better number; against the truth at the
@@ -302,7 +307,8 @@ figures.over_time(rows, known)
 pairs = [(r["offset_m"], t["offset_m"]) for r, t in zip(rows, known, strict=True) if r["lanes"]]
 error_cm = 100 * np.abs(np.subtract(*np.array(pairs).T))
 notebook.say(f"A lane in {len(pairs)} of {len(rows)} frames; the offset is off by "
-             f"**{np.median(error_cm):.2f} cm** in the median, by {error_cm.max():.2f} cm at worst.")
+             f"**{np.median(error_cm):.2f} cm** in the median, "
+             f"by {error_cm.max():.2f} cm at worst.")
 
 # %% [markdown]
 # Two things to see. The offset follows the truth to a few centimetres, and smoothly: nothing in a car moves sideways in a
@@ -321,16 +327,22 @@ explore.simulator(bend_1pkm=4, offset_m=0.4)
 # %% alt="Left: a simulated road that bends to the left, its lane in green. Right: the road from above; the true lines lie on the ones that were found."
 explore.simulator_look(bend_1pkm=4, offset_m=0.4)
 
+# %% [markdown]
+# Did you write your prediction down? On a straight road, where it is easiest to see, with the nose down by half a degree:
+
+# %% alt="Left: a simulated straight road, its lane in green. Right: the road from above; its two lines are farther apart the farther away they are."
+explore.simulator_look(bend_1pkm=0, offset_m=0, pitch_deg=0.5)
+
 # %%
-rows = [["nod, °", "nod found, °", "error at 20 m, cm"]]
+rows = [["nod (nose down is +), °", "nod found, °", "error at 20 m, cm"]]
 for nod in (-0.5, 0.0, 0.5):
     seen = explore.simulator_look(bend_1pkm=4, offset_m=0.4, pitch_deg=nod).values
     rows.append([f"{nod:+.1f}", f"{seen['nod of the car']:+.2f}", f"{seen['error at 20 m']:.1f}"])
 notebook.say(table(rows))
 
 # %% [markdown]
-# From above the lines spread or close, because the metres are made for a car that does not nod. The finder
-# notices: two lines that close with the distance are more likely a nod than a lane that narrows. Notebook 03 shows
+# From above the lines open when the nose is down and close when it is up, because the metres are made for a car that
+# does not nod. The finder notices: two lines that open are more likely a nod than a lane that widens. Notebook 03 shows
 # what a nod does to the metres, notebook 04 how the fit finds it.
 #
 # ### Exercise 3: how long until a wheel is on the line?

@@ -21,7 +21,9 @@
 try:
     from lanelib import notebook
 except ModuleNotFoundError as missing:
-    raise SystemExit(f"{missing.name} is not installed; run `make lab` in the project's folder") from None
+    raise SystemExit(
+        f"{missing.name} is not installed; run `make lab` in the project's folder"
+    ) from None
 notebook.start("boards", "images", "rig")
 
 # %%
@@ -61,7 +63,8 @@ figures.before_after(picture[:300], picture[420:], ("upper part", "lower part"),
 
 # %%
 bow = [np.abs(row[:, 1] - np.interp(row[:, 0], *row[[0, -1]].T)).max() for row in grid]
-notebook.say(f"The rows of corners bow by up to **{max(bow):.1f} px**. Nothing is wrong with the board: it is the lens.")
+notebook.say(f"The rows of corners bow by up to **{max(bow):.1f} px**. "
+             "Nothing is wrong with the board: it is the lens.")
 
 # %% [markdown]
 # The squares near the edge are pulled towards the middle: *barrel* distortion, as nearly every wide lens has it. A lane
@@ -96,7 +99,8 @@ def width_px(width_m, distance_m, focal_px):
 
 for distance_m in (20, 40):
     lane_px, pixel_cm = width_px(3.7, distance_m, 1155), 100 * distance_m / 1155
-    print(f"at {distance_m} m the lane is {lane_px:.0f} px wide, and one pixel covers {pixel_cm:.1f} cm")
+    print(f"at {distance_m} m the lane is {lane_px:.0f} px wide, "
+          f"and one pixel covers {pixel_cm:.1f} cm")
 
 # %% [markdown]
 # Remember that second number: an error of one pixel is a couple of centimetres on the road, and more the farther away.
@@ -117,13 +121,13 @@ for distance_m in (20, 40):
 # (pincushion). The $p$ are *tangential*: lens and sensor are not quite parallel or centred. Five numbers; with the
 # four of $K$, nine.
 
-# %% alt="Left: arrows over the frame that point inwards and are longest in the corners. Right: the displacement grows with the third power of the distance, to about minus 75 pixels in the corner."
+# %% alt="Left: arrows over the frame that point inwards and are longest in the corners. Right: the displacement grows with the third power of the distance, to about minus 150 pixels in the corner."
 n01.lens(true)
 
 # %%
 corner = true.undistort_points([[0.0, 0.0]])[0]
-notebook.say(f"In the upper left corner the true lens moves a point by **{np.hypot(*corner):.0f} px**; $k_1$ "
-             "alone explains nearly all of it.")
+notebook.say(f"In the upper left corner the true lens moves a point by **{np.hypot(*corner):.0f} "
+             "px**; $k_1$ alone explains nearly all of it.")
 
 # %% [markdown]
 # The equations go from the ideal to the seen point. The way back has no closed form; `lanelib.distortion.undistort`
@@ -132,8 +136,8 @@ notebook.say(f"In the upper left corner the true lens moves a point by **{np.hyp
 # %%
 xy = np.array([[0.5, 0.3], [-0.2, 0.1]])
 there = distort(xy, true.distortion)
-back = (true.undistort_points(there * (true.camera_matrix[0, 0], true.camera_matrix[1, 1]) + true.camera_matrix[:2, 2])
-        - true.camera_matrix[:2, 2]) / (true.camera_matrix[0, 0], true.camera_matrix[1, 1])
+focal, centre = np.diag(true.camera_matrix)[:2], true.camera_matrix[:2, 2]
+back = (true.undistort_points(there * focal + centre) - centre) / focal
 assert np.abs(back - xy).max() < 1e-9
 there.round(4).tolist()
 
@@ -189,22 +193,24 @@ for board in calibration.boards:
         print(f"{board.name}: {'used' if board.used else 'NOT used'}, {board.reason}")
 
 # %% [markdown]
-# Boards cut off by the frame are worth the trouble, and not for their number: they are the ones that reach the edges,
-# where the lens bends most. OpenCV's classic finder knows only whole boards and throws exactly these away. Here are all
-# corners in one frame:
+# Boards cut off by the frame are worth the trouble, and not for their number: they are the ones that fill the lower and
+# the right edge, where the lens bends more than in the middle. OpenCV's classic finder knows only whole boards and throws
+# exactly these away. Here are all corners in one frame:
 
-# %% alt="Corners of all boards in one frame: circles of whole boards fill most of it, triangles of the cut-off boards reach to the edges."
+# %% alt="Corners of all boards in one frame: circles of whole boards fill most of it, triangles of the cut-off boards fill the lower and right edge; the four corners of the frame are empty."
 n01.coverage(calibration.boards, true.size_wh)
 
 # %% [markdown]
 # Look for empty regions before you trust a calibration. There the five coefficients are not measured but extrapolated.
+# Here it is the corners of the frame, the upper left one most of all: look for it in the error map below.
 
 # %% [markdown]
 # ## From corners to a camera
 #
-# Zhang (2000): each view of a plane is a homography between board and picture, and each homography gives two equations
-# for $K$; three views are enough for a start. From there all nine numbers of the camera and six for the pose of each
-# board are improved together until the squared distances between seen and projected corners,
+# Zhang (2000): each view of a plane is a homography between board and picture (a 3 × 3 matrix that takes one plane to
+# another; notebook 03 derives it), and each homography gives two equations for $K$; three views are enough for a start.
+# From there all nine numbers of the camera and six for the pose of each board are improved together until the squared
+# distances between seen and projected corners,
 #
 # $$E = \sum_{\text{boards } i}\ \sum_{\text{corners } j} \left\lVert\, \mathbf u_{ij} - \mathrm{project}(K, k, p, R_i, \mathbf t_i, \mathbf X_j) \right\rVert^2,$$
 #
@@ -212,10 +218,11 @@ n01.coverage(calibration.boards, true.size_wh)
 
 # %%
 def camera_from(views):
-    """A camera from some of the boards: OpenCV's own function, given corners on the board and in the picture."""
+    """A camera from some of the boards, by OpenCV: corners on the board and in the picture."""
     on_board = [board_points(view.corners_wh, square_m=0.024) for view in views]
     in_picture = [view.corners_px.astype(np.float32).reshape(-1, 1, 2) for view in views]
-    rms_px, matrix, distortion, _, _ = cv2.calibrateCamera(on_board, in_picture, true.size_wh, None, None)
+    rms_px, matrix, distortion, _, _ = cv2.calibrateCamera(
+        on_board, in_picture, true.size_wh, None, None)
     return Camera(matrix, distortion.ravel()[:5], true.size_wh, rms_px)
 
 
@@ -229,14 +236,17 @@ camera_from(used)
 # Now the luxury of a rendered set: the truth. **Predict:** is a focal length found from photographs right to 10 %, to
 # 1 %, or to 1 in 1000?
 
-# %% alt="Left: the errors of fx, fy, cx and cy are below half a pixel and within their error bars. Right: the error of the rays over the frame, a few hundredths of a pixel in the middle, most in the corners."
+# %% alt="Left: the errors of fx, fy, cx and cy are below half a pixel and within their error bars. Right: the error of the rays over the frame, below a tenth of a pixel where most boards were, largest in the upper left corner."
 camera = calibration.camera
 n01.against_truth(camera, true)
 
 # %%
 off = abs(camera.camera_matrix[0, 0] / true.camera_matrix[0, 0] - 1)
-notebook.say(f"The focal length is off by {1e4 * off:.0f} in 10,000. Over the frame a pixel's ray is off by "
-             f"{n01.ray_error_px(camera, true):.1f} px (RMS), much of it a common shift that a mounting angle absorbs.")
+worst_px, (u, v) = n01.worst_ray(camera, true)
+notebook.say(f"The focal length is off by {1e4 * off:.0f} in 10,000. Over the frame a pixel's ray "
+             f"is off by {n01.ray_error_px(camera, true):.2f} px (RMS), much of it a common shift "
+             f"that a mounting angle absorbs; the worst, at u = {u:.0f}, v = {v:.0f}, "
+             f"by {worst_px:.1f} px.")
 
 # %% [markdown]
 # The error bars come out of the fit itself: how far could each number move before $E$ grows noticeably? With the truth
@@ -284,7 +294,7 @@ figures.board_errors(calibration.boards, rms_px=calibration.rms_px)
 
 # %%
 def classic_corners(picture):
-    """Corners (54, 1, 2) by OpenCV's older finder, as found and refined; None where it sees no whole board."""
+    """Corners (54, 1, 2) by OpenCV's older finder, as found and refined; None without a board."""
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
     ok, corners = cv2.findChessboardCorners(grey, (9, 6))
     if not ok:
@@ -301,7 +311,8 @@ same = [board for board, seen in zip(calibration.boards, by_opencv, strict=True)
 # %%
 def report(name, count, camera):
     """What one would print, and what only the truth tells."""
-    print(f"{name:24} {count} boards, RMS {camera.rms_px:.2f} px, rays off by {n01.ray_error_px(camera, true):.1f} px")
+    off_px = n01.ray_error_px(camera, true)
+    print(f"{name:24} {count} boards, RMS {camera.rms_px:.2f} px, rays off by {off_px:.2f} px")
 
 
 for name, corners in {"findChessboardCorners": found, "the same + cornerSubPix": refined}.items():
@@ -313,7 +324,7 @@ report("lanelib", len(same), camera_from(same))
 # %% [markdown]
 # The older finder leaves each corner a quarter of a pixel off; refining the corners cures most of that, and the error
 # of the rays goes with it. A step as large as that shows in the RMS. The step from the second to the third does not: the
-# RMS falls a little more, and the rays are a little worse.
+# RMS falls a little more, and the rays get worse.
 #
 # ### What it cannot tell
 #
@@ -331,8 +342,9 @@ n01.rms_and_error(rms_few, error_few, (calibration.rms_px, all_error))
 # %%
 lower = np.array(rms_few) < calibration.rms_px
 worse = np.array(error_few) > all_error
-notebook.say(f"{lower.mean():.0%} of the small calibrations have a *lower* RMS than the one from all boards, and "
-             f"{(lower & worse).sum() / lower.sum():.0%} of those have a *larger* error.")
+notebook.say(f"{lower.mean():.0%} of the small calibrations have a *lower* RMS than the one from "
+             f"all boards, and {(lower & worse).sum() / lower.sum():.0%} of those have a *larger* "
+             "error.")
 
 # %% [markdown]
 # The RMS is what is left over. Three boards leave little over because few points contradict anything. So:
@@ -390,15 +402,17 @@ explore.boards(calibration, shipped.boards())
 # %% alt="The chessboard that fills the frame before and after: the dashed straight lines through the ends of its outer rows leave the corners before, and meet all of them after."
 straight = camera.undistort_points(seen.corners_px).reshape(grid.shape)
 outer = [(0, slice(None)), (-1, slice(None)), (slice(None), 0), (slice(None), -1)]
-figures.before_after(picture, camera.undistort(picture),
-                     edges=([grid[at][[0, -1]] for at in outer], [straight[at][[0, -1]] for at in outer]))
+edges = [[corners[at][[0, -1]] for at in outer] for corners in (grid, straight)]
+figures.before_after(picture, camera.undistort(picture), edges=edges)
 
 # %%
 before = [straightness_px(board.corners_px, board.corners_wh) for board in used]
-after = [straightness_px(camera.undistort_points(board.corners_px), board.corners_wh) for board in used]
-notebook.say(f"Corners lie **{max(before):.1f} px** (RMS) off straight lines on the worst board, {np.median(before):.1f} px "
-             f"on a typical one. Undistorted it is **{max(after):.2f} px** and {np.median(after):.2f} px: what remains is "
-             "the finder's noise.")
+after = [straightness_px(camera.undistort_points(board.corners_px), board.corners_wh)
+         for board in used]
+notebook.say(f"Corners lie **{max(before):.1f} px** (RMS) off straight lines on the worst board, "
+             f"{np.median(before):.1f} px on a typical one. Undistorted it is "
+             f"**{max(after):.2f} px** and {np.median(after):.2f} px: what remains is the finder's "
+             "noise.")
 
 # %% alt="A straight road before and after undistortion; they look nearly the same, only near the edges things move."
 frame = read_image(shipped.test_images / "straight_lines1.jpg")

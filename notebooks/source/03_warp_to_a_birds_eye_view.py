@@ -20,7 +20,9 @@
 try:
     from lanelib import notebook
 except ModuleNotFoundError as missing:
-    raise SystemExit(f"{missing.name} is not installed; run `make lab` in the project's folder") from None
+    raise SystemExit(
+        f"{missing.name} is not installed; run `make lab` in the project's folder"
+    ) from None
 notebook.start("images", "rig")
 
 # %%
@@ -67,12 +69,13 @@ figures.warp(undistorted, classic, corners_m=classic.road_from_points(corners_px
 
 # %%
 line = np.linspace(lines[1][0], lines[1][-1], 900)  # along the dashed line, from far to near
-brightness = cv2.remap(cv2.cvtColor(undistorted, cv2.COLOR_BGR2GRAY), *np.float32(line.T), cv2.INTER_LINEAR).ravel()
+grey = cv2.cvtColor(undistorted, cv2.COLOR_BGR2GRAY)
+brightness = cv2.remap(grey, *np.float32(line.T), cv2.INTER_LINEAR).ravel()
 brightness = cv2.blur(brightness[None], (5, 1)).ravel()[::-1]
 by_classic = classic.road_from_points(line)[::-1, 1]
 step = np.diff(n03.dash_middles(by_classic, brightness)).mean()
-notebook.say(f"From one dash to the next it is **{step:.1f} m** here, and 14.63 m on the road: this view shrinks distances "
-             f"to {step / 14.63:.2f} of what they are.")
+notebook.say(f"From one dash to the next it is **{step:.1f} m** here, and 14.63 m on the road: "
+             f"this view shrinks distances to {step / 14.63:.2f} of what they are.")
 
 # %% [markdown]
 # A view can look perfect and be wrong by a good part: parallel lines prove nothing about lengths. What does that
@@ -98,13 +101,14 @@ exercises.check_true_radius(true_radius)
 # ## Homography
 #
 # A point of the picture is written $(u, v, 1)$, and every multiple $(wu, wv, w)$ means the same point: *homogeneous*
-# coordinates. With them perspective becomes linear. A plane seen by a pinhole camera goes to the picture by
+# coordinates. With them perspective becomes linear. From the picture $(u, v)$ of a plane one comes back to the plane
+# $(x, y)$ by
 #
 # $$w\begin{pmatrix}x\\y\\1\end{pmatrix} = \begin{pmatrix}h_{1}&h_{2}&h_{3}\\h_{4}&h_{5}&h_{6}\\h_{7}&h_{8}&1\end{pmatrix}
 # \begin{pmatrix}u\\v\\1\end{pmatrix}, \qquad
 # x = \frac{h_1u+h_2v+h_3}{h_7u+h_8v+1},\quad y = \frac{h_4u+h_5v+h_6}{h_7u+h_8v+1}$$
 #
-# and back by the inverse matrix. Multiplying by the denominator gives two *linear* equations for the eight unknowns:
+# and from the plane to its picture by the inverse matrix. Multiplying by the denominator gives two *linear* equations for the eight unknowns:
 #
 # $$h_1u+h_2v+h_3 - x\,u\,h_7 - x\,v\,h_8 = x, \qquad h_4u+h_5v+h_6 - y\,u\,h_7 - y\,v\,h_8 = y$$
 #
@@ -153,9 +157,11 @@ exercises.check_map_point(map_through)
 # guess. Where on the road are the four points really? For the drive they were made for, and for ours:
 
 # %%
-rigs = {name: Rig.load(datasets.project_root() / "rigs" / f"{name}.json") for name in ("udacity", "rendered")}
+files = datasets.project_root() / "rigs"
+rigs = {name: Rig.load(files / f"{name}.json") for name in ("udacity", "rendered")}
 for name, one in rigs.items():
-    far_left, far_right, near_right, near_left = one.birdseye.road_from_points(CLASSIC_SOURCE * one.size_wh)
+    corners = one.birdseye.road_from_points(CLASSIC_SOURCE * one.size_wh)
+    far_left, far_right, near_right, near_left = corners
     length = (far_left + far_right - near_left - near_right)[1] / 2
     print(f"{name:9} from {near_left[1]:.1f} m to {far_left[1]:.1f} m: {length:.1f} m long, "
           f"{near_right[0] - near_left[0]:.2f} m wide at its lower edge")
@@ -170,7 +176,8 @@ y = np.linspace(6, 38, 50)
 bend = np.column_stack([1000 - np.sqrt(1000**2 - y**2), y])
 for name, one in rigs.items():
     x, ahead = BirdsEye.classic(one.size_wh).road_from_points(one.birdseye.points_from_road(bend)).T
-    print(f"{name:9} a bend of 1 km comes out at {1 / abs(2 * np.polyfit(ahead, x, 2)[0]) / 1000:.2f} km")
+    radius_m = 1 / abs(2 * np.polyfit(ahead, x, 2)[0])
+    print(f"{name:9} a bend of 1 km comes out at {radius_m / 1000:.2f} km")
 
 # %% [markdown]
 # One error hides a part of the other, on one car more and on another less. Nobody planned that, and no one who only sees
@@ -186,16 +193,18 @@ for name, one in rigs.items():
 n03.from_the_side(rig.mounting["height_m"])
 
 # %% [markdown]
-# $$v - v_h = \frac{f h}{y} \quad\Longleftrightarrow\quad y = \frac{f h}{v - v_h}, \qquad
-# u - u_h = \frac{f x}{y} \quad\Longleftrightarrow\quad x = \frac{h\,(u - u_h)}{v - v_h}$$
+# $$v - v_h = \frac{f h}{y}, \qquad u - u_h = \frac{f x}{y}$$
 #
-# Read the second one again: the focal length is gone. **In a row $d = v - v_h$ below the horizon one pixel is $h / d$
-# metres wide**, whatever the lens. Two things follow. The lane's width in pixels gives the height of the camera,
+# Divide the second one by the first:
 #
-# $$W_{px} = \frac{W\,d}{h} \quad\Longrightarrow\quad h = W\,\frac{d}{W_{px}},$$
+# $$\frac{u - u_h}{v - v_h} = \frac{x}{h}$$
 #
-# and metres per pixel *along* the road are the derivative of $y$: $\left|\frac{dy}{dv}\right| = \frac{f h}{d^2} =
-# \frac{y^2}{f h}$, growing with the square of the distance.
+# The focal length is gone. **In a row $d = v - v_h$ below the horizon one pixel is $h / d$ metres wide**, whatever the
+# lens. So a lane of the width $W$ is
+#
+# $$W_{px} = \frac{W\,d}{h}$$
+#
+# pixels wide in that row. Both are of use when they are turned round, and that is your part.
 #
 # ### Exercise 3: how far is a row?
 #
@@ -227,6 +236,11 @@ def camera_height(lane_width_px, below_px, lane_width_m):
 exercises.check_camera_height(camera_height)
 
 # %% [markdown]
+# Metres per pixel *along* the road are the derivative of the distance that you wrote in exercise 3, and grow with its
+# square:
+#
+# $$\left|\frac{dy}{dv}\right| = \frac{f h}{d^2} = \frac{y^2}{f h}$$
+#
 # ## The vanishing point
 #
 # All that is missing is $v_h$. Lines that are parallel on the road have one direction, and points far out on them
@@ -244,8 +258,9 @@ left_line, right_line = (np.cross((*points[0], 1), (*points[-1], 1)) for points 
 vanishing = np.cross(left_line, right_line)
 vanishing = vanishing[:2] / vanishing[2]
 pitch_deg, yaw_deg = angles_from_vanishing_point(camera.camera_matrix, vanishing)
-notebook.say(f"The lines meet at u = {vanishing[0]:.0f}, v = {vanishing[1]:.0f}. The camera looks {abs(pitch_deg):.2f}° "
-             f"{'down' if pitch_deg > 0 else 'up'} and {abs(yaw_deg):.2f}° to the {'right' if yaw_deg > 0 else 'left'}.")
+up_down, aside = "down" if pitch_deg > 0 else "up", "right" if yaw_deg > 0 else "left"
+notebook.say(f"The lines meet at u = {vanishing[0]:.0f}, v = {vanishing[1]:.0f}. The camera looks "
+             f"{abs(pitch_deg):.2f}° {up_down} and {abs(yaw_deg):.2f}° to the {aside}.")
 
 # %% alt="The road with both lane lines drawn on until they meet at the vanishing point on the horizon."
 ends = [np.vstack([points[-1], vanishing]) for points in lines]
@@ -264,13 +279,15 @@ figures.show(draw.draw_points(picture, [vanishing], "paint", radius_px=7)[330:69
 # Zisserman, section 8.1.1). Nothing was typed in but the width of the lane.
 
 # %% alt="The straight road and its bird's-eye view from derived geometry: lines upright, a rectangle on the road in both."
-ours = BirdsEye.from_straight_lines(camera, lines[0][[0, -1]], lines[1][[0, -1]], lane_width_m=3.66, grid=grid)
+left, right = (points[[0, -1]] for points in lines)
+ours = BirdsEye.from_straight_lines(camera, left, right, lane_width_m=3.66, grid=grid)
 figures.warp(undistorted, ours)
 
 # %%
 found = ours.mounting(camera)
 for name, unit in (("height_m", "m"), ("pitch_deg", "deg"), ("yaw_deg", "deg")):
-    print(f"{name:10} found {found[name]:+.2f} {unit}, true {straight['mounting'][name]:+.2f} {unit}")
+    true = straight["mounting"][name]
+    print(f"{name:10} found {found[name]:+.2f} {unit}, true {true:+.2f} {unit}")
 
 # %% [markdown]
 # These frames are rendered, so the true mounting is known; two lines on one frame give it to a hundredth. (The
@@ -283,13 +300,16 @@ for name, unit in (("height_m", "m"), ("pitch_deg", "deg"), ("yaw_deg", "deg")):
 # %% alt="Metres per pixel over distance, logarithmic: across grows in proportion to distance from 0.5 cm to 5 cm, along with its square from 2 cm to more than 2 m."
 y = np.linspace(5, 60, 56)
 focal, height = camera.camera_matrix[1, 1], found["height_m"]
-figures.curves(y, {"across the road": y / focal, "along the road": y**2 / (focal * height)}, xlabel="distance ahead, m",
-               ylabel="metres per pixel", logy=True, markers=False)
+scales = {"across the road": y / focal, "along the road": y**2 / (focal * height)}
+figures.curves(y, scales, xlabel="distance ahead, m", ylabel="metres per pixel", logy=True,
+               markers=False)
 
 # %%
 at_40 = ours.points_from_road([[0, 40], [0, 40.5], [0.5, 40]])
-notebook.say(f"At 40 m one row is {0.5 / (at_40[0, 1] - at_40[1, 1]):.2f} m of road by the homography itself, and "
-             f"{40**2 / (focal * height):.2f} m by the formula; one column is {50 / (at_40[2, 0] - at_40[0, 0]):.1f} cm.")
+row_m, column_m = 0.5 / (at_40[0, 1] - at_40[1, 1]), 0.5 / (at_40[2, 0] - at_40[0, 0])
+notebook.say(f"At 40 m one row is {row_m:.2f} m of road by the homography itself, and "
+             f"{40**2 / (focal * height):.2f} m by the formula; "
+             f"one column is {100 * column_m:.1f} cm.")
 
 # %% [markdown]
 # That is why far dashes shrink to specks while their distance *sideways* stays sharp, and why lane finders look no
@@ -309,14 +329,17 @@ n03.along_line(rulers, brightness, period_m=14.63)
 # %%
 for name, ruler in rulers.items():
     steps = np.diff(n03.dash_middles(ruler, brightness))
-    print(f"{name:22} from dash to dash {steps.mean():.1f} m, {steps.mean() / 14.63:.2f} of the truth")
+    print(f"{name:22} from dash to dash {steps.mean():.1f} m, "
+          f"{steps.mean() / 14.63:.2f} of the truth")
 
 # %% [markdown]
-# A single frame shows two or three dashes, the far ones blurred over a metre or more. `dash_period` uses all dashes of
+# The narrow spike between the first two dashes is no paint: it is a reflector in the middle of the gap, and too short to
+# be taken for a dash. A single frame shows two or three dashes, the far ones blurred over a metre or more. `dash_period` uses all dashes of
 # several frames and says how sure it is:
 
 # %%
-clear = [path for path in shipped.images() if "hard" not in truth.get(path.name, {"tags": ["hard"]})["tags"]]
+hard = datasets.tagged(truth, "hard")
+clear = [path for path in shipped.images() if path.name in truth and path.name not in hard]
 frames = [read_image(path) for path in clear]
 print(dash_period(rig, frames))
 
@@ -328,30 +351,31 @@ print(dash_period(rig, frames))
 # ## Parallel, a check that needs nothing
 #
 # Lines of a lane are as far apart at 40 m as at 5 m. If they open or close in the view, the pitch is wrong. By how
-# much? Turn the camera by a small angle $\delta$: the horizon moves by $f\delta$ rows, so a point in a row $d$ below
-# it is taken to be at $fh/(d + f\delta)$ instead of $fh/d$:
+# much? Let the camera be taken to look further down than it does, by a small angle $\delta > 0$: the horizon is then
+# taken to be $f\delta$ rows higher, so a point in a row $d$ below it is put at $fh/(d + f\delta)$ instead of $fh/d$:
 #
-# $$\frac{\Delta y}{y} \approx \frac{f\,\delta}{d} = \frac{y}{h}\,\delta \qquad\text{and the same for } \frac{\Delta x}{x}.$$
+# $$\frac{\Delta y}{y} \approx -\frac{f\,\delta}{d} = -\frac{y}{h}\,\delta \qquad\text{and the same for } \frac{\Delta x}{x}.$$
 #
 # The relative error *grows with the distance*: far things are squeezed or stretched more than near ones, so the lane
-# becomes a wedge. **Predict:** half a degree, at 30 m, camera at 1.25 m: how many metres?
+# becomes a wedge. **Predict:** half a degree, at 30 m, camera at 1.25 m: how many metres, nearer or farther?
 
 # %%
 delta = np.radians(0.5)
 wrong = ours.pitched(camera, delta)
 seen = wrong.road_from_points(ours.points_from_road([[0.0, 30.0]]))[0, 1]
-notebook.say(f"The formula says {30**2 / height * delta:.1f} m for a small angle. Exactly it is {abs(seen - 30):.1f} m: the "
-             f"point is put at {seen:.1f} m.")
+notebook.say(f"The formula says {-(30**2) / height * delta:+.1f} m for a small angle. Exactly it "
+             f"is {seen - 30:+.1f} m: the point is put at {seen:.1f} m.")
 
-# %% alt="Three bird's-eye views of the same frame: pitch half a degree too low, right, and half a degree too high. In the outer ones the lane narrows or widens with the distance."
-n03.views(undistorted, {"camera taken to look\n0.5° more upwards": ours.pitched(camera, -delta), "right": ours,
-                        "0.5° more downwards": ours.pitched(camera, delta)}, lines_m=(-1.93, 1.73))
+# %% alt="Three bird's-eye views of the same frame, the camera taken to look half a degree more upwards, as it does, and half a degree more downwards. In the outer ones the lane widens or narrows with the distance, away from the dashed lines."
+pitched = {"camera taken to look\n0.5° more upwards": ours.pitched(camera, -delta),
+           "true pitch": ours, "0.5° more downwards": ours.pitched(camera, delta)}
+n03.views(undistorted, pitched, lines_m=[line[0][0] for line in straight["lanes_road_m"]])
 
 # %%
-for name, view in (("0.5° up", ours.pitched(camera, -delta)), ("right", ours), ("0.5° down", ours.pitched(camera, delta))):
+for name, view in zip(("0.5° up", "true pitch", "0.5° down"), pitched.values(), strict=True):
     opens = view.parallelism(*lines)
-    how = "wider" if opens > 0 else "narrower"
-    print(f"{name:10} the lane gets {how} by {abs(opens):.2f} m over 30 m" if abs(opens) > 0.005 else f"{name:10} parallel")
+    how = f"gets {'wider' if opens > 0 else 'narrower'} by {abs(opens):.2f} m over 30 m"
+    print(f"{name:10} the lane {how if abs(opens) > 0.005 else 'is parallel'}")
 
 # %% [markdown]
 # Half a degree is what a car does when it brakes or takes a bump. A wedge is easy to see and easy to measure: that is
@@ -367,7 +391,8 @@ n03.hill(height)
 
 # %%
 z = 0.02 * (30 - 15)
-print(f"rising 2 %: 30 m look like {30 * height / (height - z):.0f} m; falling 2 %: like {30 * height / (height + z):.0f} m")
+rising, falling = (30 * height / (height - up) for up in (z, -z))
+print(f"rising 2 %: 30 m look like {rising:.0f} m; falling 2 %: like {falling:.0f} m")
 
 # %% [markdown]
 # From one picture a rising road and a camera that looks further down are hard to tell apart: both open the lane, as a
@@ -398,7 +423,8 @@ for name, unit in (("height_m", "m"), ("pitch_deg", "deg"), ("yaw_deg", "deg")):
 # %%
 for name in ("test3.jpg", "test2.jpg"):
     bent = find_rig(read_image(shipped.test_images / name), camera)
-    print(f"{name}, radius {truth[name]['radius_m']:.0f} m: pitch {bent.pitch_deg:+.2f} deg, yaw {bent.yaw_deg:+.2f} deg")
+    print(f"{name}, radius {truth[name]['radius_m']:.0f} m: "
+          f"pitch {bent.pitch_deg:+.2f} deg, yaw {bent.yaw_deg:+.2f} deg")
 
 # %% [markdown]
 # The pitch hardly suffers, for the lane's width is the same in a curve. The yaw does: where the lines bend away,
@@ -414,7 +440,8 @@ for name in ("test3.jpg", "test2.jpg"):
 explore.warp(frame, rig, straight)
 
 # %% alt="The view of the rig as the explorer shows it at its start, beside the view through the classic trapezoid."
-n03.views(undistorted, {"rig": BirdsEye(rig.birdseye.road_from_image, rig.size_wh, grid), "classic, 30 m": classic})
+rigs_view = BirdsEye(rig.birdseye.road_from_image, rig.size_wh, grid)
+n03.views(undistorted, {"rig": rigs_view, "classic, 30 m": classic})
 
 # %% [markdown]
 # ## What you have learned
@@ -424,7 +451,8 @@ n03.views(undistorted, {"rig": BirdsEye(rig.birdseye.road_from_image, rig.size_w
 #   across and $fh/d^2$ along.
 # - The classic 30 m are 33 to 37 m, which a radius feels squared; its 3.7 m are more, too, and hide a part of that.
 # - Parallel lines check the pitch, dashes check the length. Neither needs any truth.
-# - $\Delta y / y = (y/h)\,\delta$: half a degree is metres at 30 m.
+# - $\Delta y / y \approx -(y/h)\,\delta$ where the camera is taken to look further down by $\delta$: half a degree is
+#   metres at 30 m.
 #
 # ## When it fails
 #
@@ -460,6 +488,6 @@ n03.views(undistorted, {"rig": BirdsEye(rig.birdseye.road_from_image, rig.size_w
 #    lane's width.
 # 2. $x = h(u-u_h)/(v-v_h)$ is a ratio of two pixel distances, so the lens cancels. $y = fh/(v-v_h)$ compares a pixel
 #    distance with the height, and $f$ is what turns pixels into angles.
-# 3. The camera looks further down, so the road moves up in the picture: every point seems farther away, by
-#    $(y/h)\,\delta$, at 30 m about an eighth. The lines open with the distance in the view, and the lane seems wider
+# 3. The camera looks further down than the view takes it to ($\delta = -0.3°$), so the road moves up in the picture:
+#    every point seems farther away, by the share $(y/h)\,|\delta|$, at 30 m about an eighth. The lines open with the distance in the view, and the lane seems wider
 #    far out.

@@ -24,7 +24,9 @@
 try:
     from lanelib import notebook
 except ModuleNotFoundError as missing:
-    raise SystemExit(f"{missing.name} is not installed; run `make lab` in the project's folder") from None
+    raise SystemExit(
+        f"{missing.name} is not installed; run `make lab` in the project's folder"
+    ) from None
 notebook.start()
 
 # %%
@@ -76,9 +78,10 @@ def true_x(entry, y_m):
 
 
 mask, here = mask_above(frame), truth[name]
-true_lines = [np.array(line)[:23] for line in here["lanes_road_m"]]  # to 40 m, as far as the view reaches
-notebook.say(f"The truth: radius of curvature {here['radius_m'] / 1000:.3f} km to the left, the car "
-             f"{here['offset_m']:.2f} m right of the lane's centre, lane {here['lane_width_m']:.2f} m wide.")
+true_lines = [np.array(line) for line in here["lanes_road_m"]]
+notebook.say(f"The truth: radius of curvature {here['radius_m'] / 1000:.3f} km to the left, "
+             f"the car {here['offset_m']:.2f} m right of the lane's centre, "
+             f"lane {here['lane_width_m']:.2f} m wide.")
 
 # %% [markdown]
 # ## A visible failure first
@@ -90,7 +93,8 @@ notebook.say(f"The truth: radius of curvature {here['radius_m'] / 1000:.3f} km t
 # %% alt="The mask's pixels from above with two fitted parabolas: both bend far more than the dashed true lines, the right one is pulled towards the neighbouring lane's dashes."
 v, u = np.nonzero(mask)
 x, y = grid.x_of(u), grid.y_m[v]
-plain = {side: fit_line(x[on], y[on], robust=False) for side, on in (("left", x < 0), ("right", x >= 0))}
+plain = {side: fit_line(x[on], y[on], robust=False)
+         for side, on in (("left", x < 0), ("right", x >= 0))}
 figures.fit(Lane(plain["left"], plain["right"]), points_m={"other": np.column_stack([x, y])},
             truth_m=true_lines, y_max_m=40)
 
@@ -102,9 +106,10 @@ notebook.say(" ".join(said) + f" The truth is {here['radius_m'] / 1000:.3f} km f
 # Both are useless. Least squares gives every white pixel a vote. How many of them have any business to vote?
 
 # %%
-on_line = [np.abs(x - np.interp(y, *np.array(line).T[::-1])) < 0.25 for line in here["lanes_road_m"]]
+on_line = [np.abs(x - np.interp(y, *line.T[::-1])) < 0.25 for line in true_lines]
 left, right = on_line[0][x < 0].mean(), on_line[1][x >= 0].mean()
-notebook.say(f"Of the white pixels on the left {left:.2f} lie within 25 cm of the true line, on the right {right:.2f}.")
+notebook.say(f"Of the white pixels on the left {left:.2f} lie within 25 cm of the true line, "
+             f"on the right {right:.2f}.")
 
 # %% [markdown]
 # The others are the road's edge, grain of the asphalt, the dashes of the *next* lane. On the right they win by number; on
@@ -116,19 +121,22 @@ notebook.say(f"Of the white pixels on the left {left:.2f} lie within 25 cm of th
 # Close to the car a line is nearly upright from above. Add up each column of the lower half: paint makes a peak, grain
 # makes a floor. The highest peak left and right of the car's own column says where to begin.
 
-# %% alt="The mask from above, and below it the number of white pixels per column of the lower half: a high peak for the left line, a low one for the right, marked."
+# %% alt="The mask from above, and below it the number of white pixels per column of the lower half: a high peak for the left line, two lower ones for the right line, of which the one farther left is marked."
 figures.column_histogram(mask, centre=float(grid.column_of(0)))
 
 # %%
 start = search.find_peaks(search.histogram(mask), centre=float(grid.column_of(0)))
 near = true_x(here, 6)
-notebook.say(f"The histogram begins at x = {grid.x_of(start[0]):+.2f} m and {grid.x_of(start[1]):+.2f} m. "
-             f"At 6 m the lines really are at {near[0]:+.2f} m and {near[1]:+.2f} m.")
+begin = grid.x_of(np.array(start))
+notebook.say(f"The histogram begins at x = {begin[0]:+.2f} m and {begin[1]:+.2f} m. At 6 m the "
+             f"lines really are at {near[0]:+.2f} m and {near[1]:+.2f} m: the right one is missed "
+             f"by **{abs(begin[1] - near[1]):.2f} m**. At 20 m it is at "
+             f"{true_x(here, 20)[1]:+.2f} m.")
 
 # %% [markdown]
-# On the left the peak is sharp. On the right one dash of 3.7 m every 14.6 m has to compete with grain, in a bend in
-# which each dash falls into other columns: its peak is off by decimetres. That is the histogram's weakness: it adds up
-# over 20 m what only near the car is upright. Here it is near enough, because the windows that follow are wider.
+# On the left the peak is sharp. On the right two dashes stand in different columns, because the road bends between them,
+# and the far one, 20 m ahead, wins: the warp smears it. That is the histogram's weakness: it adds up over 20 m what only
+# near the car is upright. Here it is near enough, because the windows that follow are wider.
 
 # %% [markdown]
 # ### Exercise 1: Where to begin
@@ -153,7 +161,8 @@ exercises.check_start_columns(start_columns)
 # next window is centred on their mean; if not, it stays in the same column and waits for the next dash.
 
 # %% alt="The mask from above with a stack of windows on each line: on the left they follow the solid line, on the right they wander between dashes and lose the line far ahead."
-found = search.sliding_windows(mask, n_windows=9, margin_px=0.6 / grid.column_m, centre=float(grid.column_of(0)))
+car_column = float(grid.column_of(0))
+found = search.sliding_windows(mask, n_windows=9, margin_px=0.6 / grid.column_m, centre=car_column)
 figures.show({"mask": mask, "windows": draw.draw_windows(mask, found)}, width=8)
 
 # %% [markdown]
@@ -171,7 +180,7 @@ margins_m = (0.15, 0.3, 0.45, 0.6, 0.8, 1.1, 1.5)
 errors = np.full((len(margins_m), len(masks), 2), np.nan)
 for i, margin_m in enumerate(margins_m):
     for j, (n, m) in enumerate(masks.items()):
-        pixels = search.sliding_windows(m, margin_px=margin_m / grid.column_m, centre=float(grid.column_of(0)))
+        pixels = search.sliding_windows(m, margin_px=margin_m / grid.column_m, centre=car_column)
         for k, line in enumerate(windows.fit_lines(pixels, grid)):
             errors[i, j, k] = abs(line.x(20) - true_x(truth[n], 20)[k]) if line else np.nan
 in_cm = {"mean": 100 * np.nanmean(errors, (1, 2)), "worst line": 100 * np.nanmax(errors, (1, 2))}
@@ -195,14 +204,17 @@ notebook.say("Mean error at 20 m: " + ", ".join(f"{100 * e:.1f} cm with {m:g} m"
 explore.detect(frame, rig, here)
 
 # %% alt="Four panels of windows on the mask: 3, 9 and 18 windows, and 9 windows with a margin of 1.5 m that take in pixels of other things."
-settings = {"3 windows": (3, 0.6), "9 windows": (9, 0.6), "18 windows": (18, 0.6), "9, margin 1.5 m": (9, 1.5)}
+settings = {"3 windows": (3, 0.6), "9 windows": (9, 0.6), "18 windows": (18, 0.6),
+            "9, margin 1.5 m": (9, 1.5)}
 seen = {title: search.sliding_windows(mask, n_windows=n, margin_px=margin_m / grid.column_m)
         for title, (n, margin_m) in settings.items()}
-figures.show({title: draw.draw_windows(mask, pixels) for title, pixels in seen.items()}, columns=4, width=8.5)
+figures.show({title: draw.draw_windows(mask, pixels) for title, pixels in seen.items()},
+             columns=4, width=8.5)
 
 # %%
 far = {title: grid.y_m[pixels.right_xy[:, 1].astype(int)].max() for title, pixels in seen.items()}
-notebook.say("The right line is followed to " + ", ".join(f"{y:.1f} m ({title})" for title, y in far.items()) + ".")
+notebook.say("The right line is followed to "
+             + ", ".join(f"{y:.1f} m ({title})" for title, y in far.items()) + ".")
 
 # %% [markdown]
 # With three windows even the solid line leaves its window. With eighteen the far dash of the right line is missed as with
@@ -214,17 +226,19 @@ notebook.say("The right line is followed to " + ", ".join(f"{y:.1f} m ({title})"
 # In a video the lane is known from the last frame. Then all pixels within 0.6 m of the old line belong to the new one:
 # quicker, and it follows a bend at once instead of step by step.
 
-# %% alt="Left: pixels found in bands around the true lines. Right: the same search with a last lane that was one lane too far right: its left band holds the dashes of the right line, its right band those of the next lane."
-last = [fit_line(*np.array(line).T) for line in here["lanes_road_m"]]
+# %% alt="Left: pixels found in bands around the true lines. Right: the same search with a last lane that was one lane too far to the right: its left band holds the dashes of the right line, its right band those of the next lane."
+last = [fit_line(*line.T) for line in true_lines]
 wrong = [replace(line, coefficients=line.coefficients + (0, 0, 3.66)) for line in last]
-around = {title: search.search_around(mask, *(windows.pixel_coefficients(line, grid) for line in lines),
-                                      margin_px=0.6 / grid.column_m)
-          for title, lines in (("last lane right", last), ("last lane one too far right", wrong))}
+around = {}
+for title, lines in (("last lane correct", last), ("last lane one too far to the right", wrong)):
+    in_pixels = [windows.pixel_coefficients(line, grid) for line in lines]
+    around[title] = search.search_around(mask, *in_pixels, margin_px=0.6 / grid.column_m)
 figures.show({title: draw.draw_windows(mask, pixels) for title, pixels in around.items()}, width=8)
 
 # %% [markdown]
 # On the left it even has the far dash that the windows missed. The price is on the right: with a last lane that was wrong
-# (here: the next one), the search finds what lies there and *confirms* it, frame after frame. A search around needs somebody who doubts it: the sanity checks below, and the tracker of notebook 05.
+# (here: the next one), the search finds what lies there and *confirms* it, frame after frame. A search around needs
+# somebody who doubts it: the sanity checks below, and the tracker of notebook 05.
 #
 # ## Least squares, and why it is not enough
 #
@@ -247,10 +261,11 @@ figures.show({title: draw.draw_windows(mask, pixels) for title, pixels in around
 line_x, line_y = grid.x_of(found.left_xy[::12, 0]), grid.y_m[found.left_xy[::12, 1].astype(int)]
 rng = np.random.default_rng(4)
 far = rng.uniform(20, 40, len(line_x) // 2)
-false_x = np.interp(far, *np.array(here["lanes_road_m"][0]).T[::-1]) + rng.normal(1.3, 0.15, len(far))
+false_x = np.interp(far, *true_lines[0].T[::-1]) + rng.normal(1.3, 0.15, len(far))
 all_x, all_y = np.concatenate([line_x, false_x]), np.concatenate([line_y, far])
 fits = {"plain": fit_line(all_x, all_y, robust=False), "robust": fit_line(all_x, all_y)}
-figures.fit(points_m={"other": np.column_stack([all_x, all_y])}, lines=fits, truth_m=true_lines[:1], y_max_m=40)
+figures.fit(points_m={"other": np.column_stack([all_x, all_y])}, lines=fits,
+            truth_m=true_lines[:1], y_max_m=40)
 
 # %%
 notebook.say("Error 30 m ahead: " + ", ".join(
@@ -297,17 +312,18 @@ exercises.check_bend_in_metres(bend_in_metres)
 
 # %%
 left, right = windows.fit_lines(found, grid)
-in_pixels = [windows.pixel_coefficients(line, grid) for line in (left, right)]
+bends = np.array([windows.pixel_coefficients(line, grid)[0] for line in (left, right)])
 radii_m = {
-    "everything in pixels": np.mean([1 / abs(2 * a) for a, _, _ in in_pixels]),
-    "x in metres, y left in pixels": np.mean([1 / abs(2 * a * grid.column_m) for a, _, _ in in_pixels]),
+    "everything in pixels": np.mean(1 / abs(2 * bends)),
+    "x in metres, y left in pixels": np.mean(1 / abs(2 * bends * grid.column_m)),
     "metres, at the far end": np.mean([1 / abs(line.curvature_1pm(40)) for line in (left, right)]),
     "metres, mean of two radii": (left.radius_m() + right.radius_m()) / 2,
     "metres, mean of two curvatures": Lane(left, right).radius_m,
 }
 
 # %% alt="Bars of the radius by five ways: in pixels several kilometres or more, x in metres and y in pixels over a hundred kilometres, and 0.5 to 0.7 km for the ways in metres; the truth is 0.45 km."
-figures.bars({way: radius / 1000 for way, radius in radii_m.items()} | {"truth": here["radius_m"] / 1000},
+radii_m["truth"] = here["radius_m"]
+figures.bars({way: radius / 1000 for way, radius in radii_m.items()},
              unit="radius of curvature, km", highlight="truth", log=True)
 
 # %% [markdown]
@@ -322,10 +338,11 @@ figures.bars({way: radius / 1000 for way, radius in radii_m.items()} | {"truth":
 # $\Delta x = \frac{1}{2} (\kappa - \kappa_1) v^2 t^2$.
 
 # %%
-speed_mps, room_m = 25.0, 0.9  # half a lane less half a car
+speed_mps, room_m, true_m = 25.0, 0.9, here["radius_m"]  # room: half a lane less half a car
 for told_m in (8000.0, 600.0, 480.0):
-    seconds = np.sqrt(2 * room_m / abs(1 / here["radius_m"] - 1 / told_m)) / speed_mps
-    print(f"told {told_m / 1000:.2f} km, is {here['radius_m'] / 1000:.2f} km: on the line after {seconds:.2f} s")
+    seconds = np.sqrt(2 * room_m / abs(1 / true_m - 1 / told_m)) / speed_mps
+    print(f"told {told_m / 1000:.2f} km, is {true_m / 1000:.2f} km: "
+          f"on the line after {seconds:.2f} s")
 
 # %% [markdown]
 # ### Exercise 3: The lane's curvature
@@ -354,9 +371,10 @@ exercises.check_curvature_of_lane(curvature_of_lane)
 
 # %%
 lane = Lane(left, right)
-notebook.say(f"Offset {lane.offset_m:+.2f} m (truth {here['offset_m']:+.2f} m), width {lane.width_m():.2f} m (truth "
-             f"{here['lane_width_m']:.2f} m), curvature {1000 * lane.curvature_1pm:+.2f} per km (truth "
-             f"{1000 * here['curvature_1pm']:+.2f} per km).")
+notebook.say(f"Offset {lane.offset_m:+.2f} m (truth {here['offset_m']:+.2f} m), "
+             f"width {lane.width_m():.2f} m (truth {here['lane_width_m']:.2f} m), "
+             f"curvature {1000 * lane.curvature_1pm:+.2f} per km "
+             f"(truth {1000 * here['curvature_1pm']:+.2f} per km).")
 
 # %% [markdown]
 # ### Exercise 4: Offset and width
@@ -365,7 +383,7 @@ notebook.say(f"Offset {lane.offset_m:+.2f} m (truth {here['offset_m']:+.2f} m), 
 
 # %%
 def offset_and_width(left_abc, right_abc):
-    """(offset, width) in metres; the offset is positive where the car is right of the lane's centre."""
+    """(offset, width) in metres; the offset is positive right of the lane's centre."""
     # BEGIN SOLUTION
     slope = (left_abc[1] + right_abc[1]) / 2
     return -(left_abc[2] + right_abc[2]) / 2, (right_abc[2] - left_abc[2]) / (1 + slope**2) ** 0.5
@@ -387,8 +405,8 @@ points = {side: np.column_stack([grid.x_of(xy[:, 0]), grid.y_m[xy[:, 1].astype(i
 figures.fit(lane, points_m=points, truth_m=true_lines, y_max_m=40)
 
 # %% [markdown]
-# The left band is thinner than the line drawn, although its radius is not quite right; more of that below. The right one opens beyond the last dash that was found: a bend known
-# from two dashes is hardly known. For $N$ points spread evenly over a length $L$ one can work it out:
+# The left band is thinner than the line drawn, although its radius is not quite right; more of that below. The right one
+# opens beyond the last dash that was found: a bend known from two dashes is hardly known. For $N$ points spread evenly over a length $L$ one can work it out:
 #
 # $$\sigma_\kappa = 2\,\sigma_A \approx \frac{2\sqrt{180}\;\sigma}{L^2 \sqrt{N}} \approx \frac{27\,\sigma}{L^2\sqrt{N}} .$$
 #
@@ -403,12 +421,13 @@ figures.fit(lane, points_m=points, truth_m=true_lines, y_max_m=40)
 
 # %%
 small = rig.scaled((640, 360))
-lens = {"camera_matrix": tuple(map(tuple, small.camera.camera_matrix)), "distortion": tuple(small.camera.distortion)}
+lens = {"camera_matrix": tuple(map(tuple, small.camera.camera_matrix)),
+        "distortion": tuple(small.camera.distortion)}
 base = Scene(**lens, mounting=Mounting(**small.mounting), others=())
 
 
 def drive(radius_m=np.inf, **changes):
-    """A simulated frame (360, 640, 3) on a road of that radius (to the left where positive), and its truth."""
+    """A simulated frame (360, 640, 3) on a road of that radius (positive: left), and its truth."""
     return render_road(replace(base, road=Road([0, 400], [1 / radius_m] * 2), **changes))
 
 
@@ -422,8 +441,8 @@ runs = [two_lines(drive(500.0, pose=CarPose(50.0, 0.1), seed=7 * i)[0]) for i in
 for side, lines in zip(("left, solid", "right, dashed"), zip(*runs, strict=True), strict=True):
     bends = [1000 * line.curvature_1pm() for line in lines]
     said = [2000 * line.covariance[0, 0] ** 0.5 for line in lines]
-    print(f"{side}: curvature {np.mean(bends):.2f} per km (truth 2.00), scatter {np.std(bends):.2f}, "
-          f"said {np.mean(said):.2f}")
+    print(f"{side}: curvature {np.mean(bends):.2f} per km (truth 2.00), "
+          f"scatter {np.std(bends):.2f}, said {np.mean(said):.2f}")
 
 # %% [markdown]
 # The solid line keeps its word. The dashed one does not: it scatters several times more than it says, and it is not even
@@ -439,13 +458,15 @@ for side, lines in zip(("left, solid", "right, dashed"), zip(*runs, strict=True)
 print("frame              curvature (truth), 1/km   offset (truth), m   worse line at 30 m")
 for n in masks:
     pair, entry = two_lines(read_image(shipped.test_images / n)), truth[n]
-    this, off = Lane(*pair), np.abs(np.array([line.x(30) for line in pair]) - true_x(entry, 30)).max()
+    this, true_30 = Lane(*pair), true_x(entry, 30)
+    off = max(abs(line.x(30) - x) for line, x in zip(pair, true_30, strict=True))
     print(f"{n:19}{1000 * this.curvature_1pm:+9.2f}  ({1000 * entry['curvature_1pm']:+.2f})"
-          f"{this.offset_m:+14.2f}  ({entry['offset_m']:+.2f}){off:13.2f} m")
+          f"{this.offset_m:+14.2f}  ({entry['offset_m']:+.2f}){100 * off:13.1f} cm")
 
 # %% [markdown]
-# Offsets are right to a centimetre or two, and lines 30 m ahead mostly to a few: on clean frames the classic way is good.
-# But on most bends the curvature is too large, by up to a fifth. Noise would err in both directions. Let us fit a parabola to the *truth* itself, over the same 40 m.
+# Offsets are right to a centimetre or two, and lines 30 m ahead mostly to one: on clean frames the classic way is good.
+# But on most bends the curvature is too large, by up to a fifth. Noise would err in both directions. Let us fit a
+# parabola to the *truth* itself, over the same 40 m.
 
 # %%
 for n in ("test1.jpg", "test2.jpg", "test6.jpg"):
@@ -506,7 +527,7 @@ n04.checks(outcome)
 # %% [markdown]
 # - **order**: the left line stays left of the right one. Crossing lines are the surest sign of a wrong fit.
 # - **width**: 2.6 to 4.6 m, from narrow town lanes to wide ramps. Two lanes taken for one fail here, a path, too.
-# - **parallel**: the width changes by less than 0.6 m in 20 m. Look at the row "nose down": *both lines are right*, and
+# - **parallel**: the width changes by less than 0.6 m in 20 m, or as far as the lines are seen. Look at the row "nose down": *both lines are right*, and
 #   only the tilt of the camera makes them diverge. A check that throws a good frame away is half a cure; remember it.
 # - **same bend**: both lines say of the lane's *centre* the same curvature, to 0.004 1/m. (Parallel lines bend differently:
 #   in a hairpin of R 27 m the inner one has R 25 m, the outer one 29 m.) That is much: R 250 m and straight still pass.
@@ -528,14 +549,16 @@ separate = Lane(*two_lines(picture))
 finder = LaneFinder(small, track=False)
 joint = finder.process(picture).lane
 above = finder.view((640, 360)).metric.warp(small.camera.undistort(picture))
-exact_lines = [np.array(line)[:23] for line in exact["lanes_road_m"]]
-n04.above(above, grid, {"two lines": separate, "one lane": joint}, truth_m=exact_lines)
+n04.above(above, grid, {"two lines": separate, "one lane": joint}, truth_m=exact["lanes_road_m"])
 
 # %%
 for what, this in (("two lines", separate), ("one lane", joint)):
-    print(f"{what}: radius {this.radius_m / 1000:.2f} km, offset {this.offset_m:+.2f} m, {this.width_m():.2f} m wide")
-print(f"truth: radius {exact['radius_m'] / 1000:.2f} km, offset {exact['offset_m']:+.2f} m, 3.66 m wide")
-print("checks that the two lines fail:", [check.name for check in check_lane(separate) if not check.ok] or "none")
+    print(f"{what}: radius {this.radius_m / 1000:.2f} km, offset {this.offset_m:+.2f} m, "
+          f"{this.width_m():.2f} m wide")
+print(f"truth: radius {exact['radius_m'] / 1000:.2f} km, offset {exact['offset_m']:+.2f} m, "
+      f"{exact['lane_width_m']:.2f} m wide")
+failed = [check.name for check in check_lane(separate) if not check.ok]
+print("checks that the two lines fail:", failed or "none")
 
 # %% [markdown]
 # On the right two dashes were found, the nearer one more than 10 m ahead. The parabola passes both within centimetres; but
@@ -564,7 +587,8 @@ def fit_shared(left_xy, right_xy):
     # BEGIN SOLUTION
     rows = [np.column_stack([np.ones(len(xy)), xy[:, 1], xy[:, 1] ** 2, np.full(len(xy), side / 2)])
             for side, xy in ((-1, left_xy), (1, right_xy))]
-    return np.linalg.lstsq(np.vstack(rows), np.concatenate([left_xy[:, 0], right_xy[:, 0]]), rcond=None)[0]
+    x = np.concatenate([left_xy[:, 0], right_xy[:, 0]])
+    return np.linalg.lstsq(np.vstack(rows), x, rcond=None)[0]
     # END SOLUTION
 
 
@@ -597,8 +621,9 @@ exercises.check_fit_shared(fit_shared)
 nod = finder.process(broken["the nose 1.5° down"])
 two = two_lines(broken["the nose 1.5° down"])
 near, far = (two[1].x(y) - two[0].x(y) for y in (0.0, 20.0))
+nose_deg = np.degrees(nod.fit.mean[PITCH])
 notebook.say(f"Two lines: {near:.2f} m apart at the car, {far:.2f} m at 20 m. "
-             f"One lane: {nod.width_m:.2f} m wide, and the nose {np.degrees(nod.fit.mean[PITCH]):.2f}° down.")
+             f"One lane: {nod.width_m:.2f} m wide, and the nose {nose_deg:.2f}° down.")
 
 # %% [markdown]
 # ## Where to begin: votes instead of windows
@@ -627,12 +652,13 @@ n04.hough(paint, single_lines(paint))
 # %%
 for mean in hypotheses(paint):
     centre, _, bend, _, width, pitch, _ = mean
-    print(f"candidate: offset {-centre:+.2f} m, curvature {-2000 * bend:+.1f} per km, width {width:.2f} m, "
-          f"pitch {np.degrees(pitch):+.1f}°")
+    print(f"candidate: offset {-centre:+.2f} m, curvature {-2000 * bend:+.1f} per km, "
+          f"width {width:.2f} m, pitch {np.degrees(pitch):+.1f}°")
 result = whole.process(frame)
 bend, sigma = 1000 * result.curvature_1pm, 1000 * result.lane.std["curvature_1pm"]
-notebook.say(f"Fitted: offset {result.offset_m:+.2f} m, width {result.width_m:.2f} m, curvature {bend:.2f} ± {sigma:.2f} "
-             f"per km (truth {here['offset_m']:+.2f}, {here['lane_width_m']:.2f}, {1000 * here['curvature_1pm']:.2f}).")
+notebook.say(f"Fitted: offset {result.offset_m:+.2f} m, width {result.width_m:.2f} m, "
+             f"curvature {bend:.2f} ± {sigma:.2f} per km (truth {here['offset_m']:+.2f}, "
+             f"{here['lane_width_m']:.2f}, {1000 * here['curvature_1pm']:.2f}).")
 
 # %% [markdown]
 # ## What it gains
@@ -645,19 +671,21 @@ rng, lateral, lost = np.random.default_rng(4), {"two lines": [], "one lane": []}
 apart = LaneFinder(small, model="windows", track=False)
 for i in range(20):
     wear, nod_deg = rng.uniform(0.2, 0.8, 2), rng.normal(0, 0.3)
-    scene = {"left": Marking(-1.83, "yellow", wear=wear[0]), "seed": i,
-             "right": Marking(1.83, "white", gap_m=10.97, phase_m=rng.uniform(0, 14.6), wear=wear[1]),
-             "pose": CarPose(50.0, rng.uniform(-0.4, 0.4)),
+    dashes = {"gap_m": 10.97, "phase_m": rng.uniform(0, 14.6), "wear": wear[1]}
+    scene = {"left": Marking(-1.83, "yellow", wear=wear[0]), "right": Marking(1.83, **dashes),
+             "seed": i, "pose": CarPose(50.0, rng.uniform(-0.4, 0.4)),
              "mounting": replace(base.mounting, pitch_deg=base.mounting.pitch_deg + nod_deg)}
     picture, entry = drive(rng.choice([-1, 1]) * rng.uniform(150, 900), **scene)
-    for what, this in (("two lines", apart.process(picture)), ("one lane", finder.process(picture))):
+    for what, way in (("two lines", apart), ("one lane", finder)):
+        this = way.process(picture)
         x = [this.lane.left.x(20), this.lane.right.x(20)] if this else [np.nan, np.nan]
         lateral[what].append(100 * (np.array(x) - true_x(entry, 20)))
         if not this:
             lost[what, nod_deg] = this.reason
 
-# %% alt="Errors at 20 m as dots in two rows: two separate lines scatter by up to tens of centimetres, one joint lane lies within about two centimetres."
-n04.dots(lateral, unit="error of each line at 20 m, cm", limit=40, title="twenty roads, two lines each")
+# %% alt="Errors at 20 m as dots in two rows: two separate lines scatter by up to tens of centimetres, one joint lane lies within about two centimetres but for two dots."
+n04.dots(lateral, unit="error of each line at 20 m, cm", limit=40,
+         title="twenty roads, two lines each")
 
 # %%
 for what, values in lateral.items():
@@ -707,10 +735,11 @@ for (what, nod_deg), reason in lost.items():
 # ## Further reading
 #
 # - E. D. Dickmanns and B. D. Mysliwetz, *Recursive 3-D road and relative ego-state recognition* (1992): one road model,
-#   clothoids, pitch, on the computers of then. The idea of this chapter's second half.
+#   clothoids, pitch, on the computers of then. The idea of this notebook's second half.
 # - R. Hartley and A. Zisserman, *Multiple View Geometry*, appendix 6: Gauss-Newton and its relatives.
 # - P. J. Huber and E. M. Ronchetti, *Robust Statistics*: what a median and a biweight promise.
-# - R. Duda and P. Hart, *Use of the Hough transformation to detect lines and curves in pictures* (1972): four pages.
+# - R. Duda and P. Hart, *Use of the Hough transformation to detect lines and curves in pictures* (1972): the transform as it
+#   is used today.
 # - AASHTO, *A Policy on Geometric Design of Highways and Streets*, chapter 3: how roads may bend.
 #
 # ## Three questions
