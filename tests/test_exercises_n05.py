@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from lanelib import exercises
+from lanelib import exercises, figures
+from lanelib.draw import PALETTE, SMOOTHER_COLOURS
+from lanelib.figures import n05
+from lanelib.tracking import SMOOTHING
 
 
 def test_nothing_there_yet():
@@ -134,3 +137,37 @@ def test_the_tracker_itself_gives_these_words():
         return [tracker.update(fit if one else None, "missed").status for one in seen]
 
     assert exercises.check_statuses(by_tracker)
+
+
+WAYS = {
+    "average": [("1", 1.0, 0.8, 0.0), ("6", 4.0, 0.4, 0.1)],
+    "kalman": [("1", 0.7, 0.16, 0.02), ("3", 1.2, 0.3, 0.03)],
+}
+
+
+def test_a_smoother_has_one_colour_and_a_crowded_one_a_window_where_each_setting_is_named():
+    for a in n05.tradeoff(WAYS, colours=SMOOTHER_COLOURS, enlarged="kalman").axes:
+        colours = {line.get_label(): line.get_color() for line in a.lines}
+        assert colours == {name: SMOOTHER_COLOURS[name] for name in WAYS}
+        (window,) = a.child_axes
+        assert [text.get_text() for text in window.texts] == ["1", "3"]
+        assert {text.get_color() for text in window.texts} == {SMOOTHER_COLOURS["kalman"]}
+        inside = [window.viewLim.contains(*text.xy) for text in window.texts]
+        assert all(inside) and "1" in [text.get_text() for text in a.texts]
+
+
+def test_every_way_to_smooth_has_its_own_colour():
+    assert set(SMOOTHING) < set(SMOOTHER_COLOURS)
+    assert len(set(SMOOTHER_COLOURS.values())) == len(SMOOTHER_COLOURS)
+    figure = figures.curves([0, 1], {"kalman": [1, 2], "truth": [1, 1], "more": [2, 2]}, truth="truth",
+                            colours=SMOOTHER_COLOURS | {"truth": "#ff0000"})  # fmt: skip
+    kalman, truth, _ = figure.axes[0].lines
+    assert kalman.get_color() == SMOOTHER_COLOURS["kalman"] and truth.get_color() == PALETTE["truth"]
+
+
+def test_bell_curves_are_fused_as_the_exercise_asks():
+    measured = {"a": (0.24, 0.0025), "b": (0.30, 0.0009), "c": (0.1, 0.04)}
+    mean, variance = fuse(*fuse(0.24, 0.0025, 0.30, 0.0009), 0.1, 0.04)
+    last = n05.gaussians(measured, together="all", xlabel="m").axes[0].lines[-1]
+    assert last.get_label() == f"all: {mean:.3f} ± {variance**0.5:.3f}"
+    assert last.get_xdata()[np.argmax(last.get_ydata())] == pytest.approx(mean, abs=2e-3)

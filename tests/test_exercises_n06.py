@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lanelib import exercises
+from lanelib.figures import n06
 
 
 def tusimple(found, label, angle):
@@ -85,3 +86,13 @@ def test_pitch_error():
 def test_wrong_pitch_error(wrong, hint):
     verdict = exercises.check_pitch_error(wrong)
     assert not verdict and hint in verdict.hint, verdict
+
+
+def test_tables_of_shares_stand_below_each_other_with_the_same_shades():
+    tables = {"right": {"a": {"x": 1.0, "y": 0.9}, "b": {"x": 0.5, "y": 0.9}}, "strict": {"a": {"x": 0.2, "y": 0.9}}}
+    above, below = n06.matrices(tables).axes
+    assert [a.get_title(loc="left") for a in (above, below)] == ["right", "strict"]
+    assert [t.get_text() for t in above.texts] == ["1.00", "0.90", "0.50", "0.90"]
+    assert above.images[0].get_clim() == below.images[0].get_clim() == (0.2, 1)
+    assert below.texts[0].get_color() == "white" != below.texts[1].get_color()
+    assert above.get_position().y0 > below.get_position().y1

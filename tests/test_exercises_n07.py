@@ -1,10 +1,14 @@
 """Checkers and figures of notebook 07."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
 from lanelib import exercises
 from lanelib.figures import n07
+from lanelib.figures.style import INK
 
 
 def test_pixels_of_road():
@@ -96,3 +100,45 @@ def test_the_stopwatch_counts_work_and_figures_close():
     n07.timelines({"decode": 5, "work": 2})
     n07.over_size([5, 10], {"median": [1, 2]})
     assert plt.get_fignums() == []
+
+
+def test_the_stopwatch_does_not_count_how_memory_is_fetched():
+    """A new process gives back all that a step needed, and fetches it one page fault at a time at its next call."""
+    code = """if True:
+        import resource
+        import numpy as np
+        from lanelib.figures import n07
+        faults = []
+        def step():
+            before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+            arrays = [np.ones(6 << 20, np.uint8) for _ in range(5)]
+            del arrays
+            faults.append(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+        n07.milliseconds({"step": step}, repeat=4)
+        print(faults[-1])
+    """
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert int(done.stdout) < 100  # of 7680 pages
+
+
+def test_what_costs_more_is_told_from_calls_in_turn():
+    some, much = np.ones((100, 100)), np.ones((400, 400))
+    assert n07.more_ms(lambda: much @ much, than=lambda: some @ some, repeat=9) > 0.1
+    assert n07.more_ms(lambda: some @ some, than=lambda: much @ much, repeat=9) < -0.1
+    assert abs(n07.more_ms(lambda: some @ some, than=lambda: some @ some)) < 0.05
+
+
+def test_a_step_has_one_colour_in_all_bars_and_is_named():
+    orders = {"textbook": {"undistort": 5.0, "warp": 0.2, "draw": 2.0}, "ours": {"warp": 0.3, "draw the polygon": 0.5}}
+    figure = n07.stacked(orders)
+    bars = [tuple(patch.get_facecolor()) for patch in figure.axes[0].patches]
+    assert bars[1] == bars[3] and bars[2] == bars[4] and len(set(bars)) == 3
+    assert [text.get_text() for text in figure.legends[0].texts] == ["undistort", "warp", "draw", "draw the polygon"]
+
+
+@pytest.mark.parametrize(
+    ("colour", "letters"),
+    [("#000000", "#ffffff"), ("#0072b2", "#ffffff"), ("#d55e00", "#ffffff"), ("#56b4e9", INK), ("#ffffff", INK)],
+)
+def test_letters_can_be_read_on_their_colour(colour, letters):
+    assert n07.ink_on(colour) == letters

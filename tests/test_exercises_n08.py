@@ -144,3 +144,23 @@ def test_a_command_shows_what_it_said(tmp_path):
     said = n08.command("lanelib calibrate nothing -o c.json", tmp_path)
     assert repr(said).startswith("$ lanelib calibrate nothing") and "lanelib: " in said.text
     assert "usage" not in n08.command("lanelib --help", tmp_path, without=("usage",)).text
+
+
+def test_a_command_shows_its_tables_as_tables():
+    said = n08.Said("lanelib calibrate boards", "| a | b |\n|---|---|\n| 1 | 2 |\n\nwrote it\n  fx 1")
+    table = "| a | b |\n|---|---|\n| 1 | 2 |"
+    assert said._repr_markdown_() == (
+        f"```text\n$ lanelib calibrate boards\n```\n\n{table}\n\n```text\n\nwrote it\n  fx 1\n```"
+    )
+    assert n08.Said("lanelib", "done")._repr_markdown_() == "```text\n$ lanelib\ndone\n```"
+
+
+def test_clauses_are_broken_apart_but_not_in_brackets():
+    said = n08.Said("lanelib rig a.jpg", "height 1.2 m; focal 1109 px (assumed; by dashes 945); from 2 (of 2) frames")
+    assert said.clauses.text.splitlines() == [
+        "height 1.2 m;", "    focal 1109 px (assumed; by dashes 945);", "    from 2 (of 2) frames"
+    ]  # fmt: skip
+    wide = n08.Said("lanelib rig " + "picture.jpg " * 12, "word " * 40)
+    for last in ("-o my_rig.json", "--lane-width 3.66"):  # nor between an option and its value
+        assert n08.Said(f"lanelib rig {'a ' * 37}{last}", "").clauses.words.endswith(f" a \\\n    {last}")
+    assert max(map(len, repr(wide.clauses).splitlines())) <= 100 and " \\\n" in repr(wide.clauses)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from roads import rig_of_scene
 
-from lanelib import LaneFinder, LanelibError, explore, threshold, windows
+from lanelib import LaneFinder, LanelibError, draw, explore, threshold, windows
 from lanelib.birdseye import CLASSIC_SOURCE, BirdsEye
 from lanelib.calibration import board_points, calibrate
 from lanelib.camera import Camera
@@ -24,6 +24,7 @@ from lanelib.explore.look import Look, Reading, readings_html
 from lanelib.jointfit import CENTRE, UNKNOWN_ROAD, JointFit, Prior
 from lanelib.road import CarPose, Mounting, Road
 from lanelib.simulator import Scene, render_road
+from lanelib.tracking import SMOOTHING
 from lanelib.video import VideoWriter
 
 SIZE_WH = (640, 360)
@@ -512,6 +513,15 @@ def test_fusing_equals_the_covariance_form_of_the_kalman_filter():
     std = np.sqrt(np.diag(prediction.covariance))
     assert np.allclose(fused.mean / std, (prediction.mean + gain @ (measured - prediction.mean)) / std, atol=1e-5)
     assert np.allclose(np.diag(fused.covariance), np.diag((np.eye(7) - gain) @ prediction.covariance), rtol=1e-3)
+
+
+def test_smoothing_draws_each_way_in_its_own_colour():
+    fits, truth = synthetic_fits(40)
+    colours = {name: np.array(draw.bgr(code)) for name, code in draw.SMOOTHER_COLOURS.items()}
+    for name in SMOOTHING:
+        picture = explore.smoothing_look(fits, truth, smoothing=name).picture
+        drawn = {key for key, colour in colours.items() if (np.abs(picture - colour).max(axis=2) == 0).sum() > 60}
+        assert drawn == {"each frame alone", name}
 
 
 def test_smoothing_losses_are_held_then_forgotten():

@@ -24,7 +24,7 @@ import notebooks as tool  # noqa: E402
 
 SOURCES = tool.sources()
 MAX_BYTES = 1_000_000
-MAX_LINES = 15
+MAX_LINES, MAX_COLUMNS = 15, 100  # a code-hosting page shows no more columns
 IGNORED = "nbval-ignore-output"
 HEAD = ("**What you will do:**", "**What you will learn:**", "**What you need:**", "**Minutes:**")
 END = (
@@ -118,6 +118,7 @@ def test_cells_are_short_and_plain(path):
     for cell in code_cells(stored(path)):
         lines = cell.source.splitlines()
         assert len(lines) <= MAX_LINES, f"{cell.id} has {len(lines)} lines:\n{cell.source}"
+        assert [line for line in lines if len(line) > MAX_COLUMNS] == [], f"{cell.id}: over {MAX_COLUMNS} columns"
         for pattern, what in FORBIDDEN.items():
             assert not re.search(pattern, cell.source, re.M), f"{cell.id}: {what}:\n{cell.source}"
 

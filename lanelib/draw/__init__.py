@@ -28,13 +28,14 @@ from lanelib.draw.overlays import (
     radius_text,
     status_text,
 )
-from lanelib.draw.palette import PALETTE, SERIES, bgr
+from lanelib.draw.palette import PALETTE, SERIES, SMOOTHER_COLOURS, bgr
 from lanelib.draw.panels import birdseye, fitted, histogram_panel, side_by_side
 from lanelib.draw.screens import birdseye_beside, diagnostic
 
 __all__ = [
     "PALETTE",
     "SERIES",
+    "SMOOTHER_COLOURS",
     "Canvas",
     "bgr",
     "birdseye",

@@ -18,6 +18,15 @@ VERMILLION, BLUE, GREEN, ORANGE, SKY, PURPLE, YELLOW = (
 
 SERIES = (BLUE, VERMILLION, GREEN, ORANGE, SKY, PURPLE)  # things without a colour of their own, in this order
 
+# The ways to smooth a lane over time (`tracking.SMOOTHING`), and no smoothing at all
+SMOOTHER_COLOURS = {
+    "each frame alone": PURPLE,
+    "none": SKY,
+    "average": BLUE,
+    "exponential": VERMILLION,
+    "kalman": GREEN,
+}
+
 # fmt: off
 PALETTE = {
     # figures and panels

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from lanelib.draw import SMOOTHER_COLOURS
 from lanelib.errors import LanelibError
 from lanelib.evaluate import lag_s
 from lanelib.explore.chart import Curve, line_chart
@@ -106,14 +107,15 @@ def smoothing_look(
     frame; lag: the delay at which smoothed and true centre agree best (`evaluate.lag_s`).
     """
     fits = with_losses(fits, lost=lost, noise_m=noise_m)
+    alone, colour = SMOOTHER_COLOURS["each frame alone"], SMOOTHER_COLOURS[tracker.get("smoothing", "kalman")]
     means, statuses = smoothed(fits, **tracker)
     time_s = np.arange(len(fits)) / fps
     raw = np.array([centre_at(None if fit is None else fit.mean, ahead_m) for fit in fits])
     found = np.array([centre_at(mean, ahead_m) for mean in means])
     true = np.array([true_centre_at(t, ahead_m) for t in truth]) if truth is not None else np.full(len(fits), np.nan)
     curves = [
-        Curve("each frame alone", time_s, raw, "other", points=True),
-        Curve("smoothed", time_s, found, "estimate"),
+        Curve("each frame alone", time_s, raw, alone, points=True),
+        Curve("smoothed", time_s, found, colour),
     ]
     if truth is not None:
         curves.insert(0, Curve("truth", time_s, true, "text", 1.5))
@@ -133,8 +135,8 @@ def smoothing_look(
     readings = []
     if truth is not None:
         errors = [
-            Curve("each frame alone", time_s, 100 * (raw - true), "other", points=True),
-            Curve("smoothed", time_s, 100 * (found - true), "estimate"),
+            Curve("each frame alone", time_s, 100 * (raw - true), alone, points=True),
+            Curve("smoothed", time_s, 100 * (found - true), colour),
         ]
         largest = np.nanpercentile(np.abs(np.concatenate([raw - true, found - true, [0.01]])), 99) * 110
         charts.append(line_chart(errors, (WIDTH_PX, 150), title="error, cm", x_unit="s", y_range=(-largest, largest)))

@@ -67,21 +67,26 @@ def budget(errors_m: Mapping[str, Sequence[float]], at_m: Sequence[float]) -> Fi
 
 
 @in_style
-def matrix(values: Mapping[str, Mapping[str, float]], *, title: str = "") -> Figure:
-    """Shares 0..1 by row and column, a number in every cell, dark where low: {row: {column: share}}."""
-    names, columns = list(values), list(next(iter(values.values())))
-    table = np.array([[values[row][column] for column in columns] for row in names])
-    figure, a = plt.subplots(figsize=(WIDTH_IN, 0.42 * len(names) + 1.0), layout="constrained")
-    a.imshow(table, cmap="cividis", vmin=0.4, vmax=1, aspect="auto")
-    for (i, j), value in np.ndenumerate(table):
-        a.text(j, i, f"{value:.2f}", ha="center", va="center", color=INK if value > 0.75 else "white", fontsize=9)
-    a.set_xticks(range(len(columns)), columns, color=INK)
-    a.set_yticks(range(len(names)), names, color=INK)
-    a.xaxis.tick_top()
-    a.tick_params(length=0)
-    a.grid(False)
-    for spine in a.spines.values():
-        spine.set_visible(False)
-    if title:
+def matrices(tables: Mapping[str, Mapping[str, Mapping[str, float]]]) -> Figure:
+    """Shares 0..1 by row and column, {title: {row: {column: share}}}, one table below the other; a number in every
+    cell, dark where low, with the same shades in all."""
+    shapes = [(list(table), list(next(iter(table.values())))) for table in tables.values()]
+    shares = [np.array([[table[row][column] for column in columns] for row in names])
+              for table, (names, columns) in zip(tables.values(), shapes, strict=True)]  # fmt: skip
+    low = min(0.4, *(float(np.nanmin(share)) for share in shares))
+    figure, axes = plt.subplots(len(tables), 1, layout="constrained", squeeze=False,
+                                figsize=(WIDTH_IN, sum(0.36 * len(names) + 0.75 for names, _ in shapes)))  # fmt: skip
+    for a, title, share, (names, columns) in zip(axes[:, 0], tables, shares, shapes, strict=True):
+        a.imshow(share, cmap="cividis", vmin=low, vmax=1, aspect="auto")
+        for (i, j), value in np.ndenumerate(share):
+            bright = (value - low) / (1 - low) > 0.58  # cividis is as far from black as from white there
+            a.text(j, i, f"{value:.2f}", ha="center", va="center", color=INK if bright else "white", fontsize=9)
+        a.set_xticks(range(len(columns)), columns, color=INK)
+        a.set_yticks(range(len(names)), names, color=INK)
+        a.xaxis.tick_top()
+        a.tick_params(length=0)
+        a.grid(False)
+        for spine in a.spines.values():
+            spine.set_visible(False)
         a.set_title(title)
     return figure

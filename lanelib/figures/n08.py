@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
+import textwrap
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +26,7 @@ PAPERS_MM = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "Letter": (279.4, 215.9
 MM_PER_INCH = 25.4
 MARGIN_MM = 8.0  # most printers leave 4-6 mm white
 GREY = 110
+PAGE_COLUMNS = 96  # of text in a notebook, seen on a code-hosting page
 
 
 def board_page(
@@ -125,6 +128,27 @@ class Said:
 
     def __repr__(self) -> str:
         return f"$ {self.words}\n{self.text}"
+
+    def _repr_markdown_(self) -> str:
+        """Its tables as tables of the page, the rest as it stands."""
+        parts = [["$ " + self.words]]
+        for line in self.text.splitlines():
+            if line.startswith("|") != parts[-1][-1].startswith("|"):
+                parts.append([])
+            parts[-1].append(line)
+        return "\n\n".join(
+            "\n".join(part if part[0].startswith("|") else ["```text", *part, "```"]) for part in parts
+        )
+
+    @property
+    def clauses(self) -> Said:
+        """The same with each clause on a line of its own (what stands in brackets stays together), none too wide for
+        a page."""
+        lines = re.sub(r"; (?![^(]*\))", ";\n    ", self.text).splitlines()
+        text = "\n".join(textwrap.fill(line, PAGE_COLUMNS, subsequent_indent=" " * 8) for line in lines)
+        kept = re.sub(r"( -\S+) (?!-)", "\\1\0", self.words)  # an option and its value stay together
+        words = textwrap.wrap(kept, PAGE_COLUMNS - 6, break_on_hyphens=False)
+        return Said(" \\\n    ".join(words).replace("\0", " "), text)
 
 
 def command(words: str, folder: Path, *, without: tuple[str, ...] = ()) -> Said:

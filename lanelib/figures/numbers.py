@@ -170,11 +170,13 @@ def curves(
     logx: bool = False,
     logy: bool = False,
     markers: bool = True,
+    colours: Mapping[str, str] | None = None,
 ) -> Figure:
-    """Several numbers over one axis; the series called ``truth`` is black and dashed."""
+    """Several numbers over one axis; the series called ``truth`` is black and dashed, ``colours`` those of others."""
     figure, a = plt.subplots(figsize=(7.5, 3.6), layout="constrained")
     for name, y in series.items():
-        style: dict[str, Any] = {"color": PALETTE["truth"], "linestyle": (0, (5, 3))} if name == truth else {}
+        style: dict[str, Any] = {"color": colours[name]} if colours and name in colours else {}
+        style = {"color": PALETTE["truth"], "linestyle": (0, (5, 3))} if name == truth else style
         a.plot(x, y, marker="o" if markers and name != truth else None, markersize=4, label=name, **style)
     a.set(
         xlabel=xlabel,

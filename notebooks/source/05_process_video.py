@@ -21,7 +21,9 @@
 try:
     from lanelib import notebook
 except ModuleNotFoundError as missing:
-    raise SystemExit(f"{missing.name} is not installed; run `make lab` in the project's folder") from None
+    raise SystemExit(
+        f"{missing.name} is not installed; run `make lab` in the project's folder"
+    ) from None
 notebook.start()
 
 # %%
@@ -30,6 +32,7 @@ from dataclasses import replace
 import numpy as np
 
 from lanelib import draw, exercises, explore, figures, stages
+from lanelib.draw import SMOOTHER_COLOURS
 from lanelib.evaluate import clip_score, frame_score, table
 from lanelib.figures import n05
 from lanelib.finder import LaneFinder
@@ -80,7 +83,8 @@ figures.over_time(rows, truth)
 # %%
 def scores(results, entries, camera=rig.camera):
     """(error in cm at 20 m, jitter in cm a frame, lag in s) of a clip's results."""
-    each = [frame_score(e, r.to_row(e["raw_file"]), camera) for r, e in zip(results, entries, strict=True)]
+    pairs = zip(results, entries, strict=True)
+    each = [frame_score(e, r.to_row(e["raw_file"]), camera) for r, e in pairs]
     over = clip_score(each)
     error = np.sqrt(np.nanmean([frame.lateral_m[:, 2] ** 2 for frame in each]))
     return 100 * error, 100 * over.jitter_m, over.lag_s
@@ -92,7 +96,8 @@ def scores(results, entries, camera=rig.camera):
 # What is smoothed is the *state*: the seven numbers of the joint lane (centre, heading, bend, rate, width, pitch, hill),
 # never the pixels and never the radius. `LaneTracker` is the only object of the package that remembers anything.
 #
-# - **none**: $s_t = z_t$, the frame's own fit.
+# - **none**: $s_t = z_t$, the frame's own fit. It smooths nothing, but it is no stranger to the drive: it looks where the
+#   lane was, and keeps the drive's lane width and pitch. (`track=False`, *each frame alone*, does not even that.)
 # - **average** of the last $n$: $s_t = \sum_i w_i z_{t-i} / \sum_i w_i$, weighted with the inverse variance of each fit.
 # - **exponential**: $s_t = s_{t-1} + \alpha\,(z_t - s_{t-1})$.
 # - **kalman**: a prediction with its uncertainty, and the frame's fit *under that prediction* (below).
@@ -119,18 +124,19 @@ def centre_m(result, y_m=20.0):
 exact = [float(np.mean([np.interp(20, *np.array(line).T[::-1]) for line in entry["lanes_road_m"]]))
          for entry in truth]
 part = slice(25, 75)
-found = {smoothing: [centre_m(result) for result in own[part]] for smoothing, own in results.items()}
+found = {smoothing: [centre_m(r) for r in own[part]] for smoothing, own in results.items()}
 figures.curves(seconds[part], {"truth": exact[part]} | found, truth="truth", markers=False,
-               xlabel="time, s", ylabel="centre 20 m ahead, m", title="into the bend")
+               colours=SMOOTHER_COLOURS, xlabel="time, s", ylabel="centre 20 m ahead, m",
+               title="into the bend")
 
 # %% [markdown]
 # The average and the exponential smoother are late: while the bend comes in, the lane is not where they draw it.
 # 20 m ahead the lane moves sideways by a third of a metre a second there, and 0.1 s of that are the centimetres in the table.
 
 # %%
-more, share = judged["kalman"][0] - judged["none"][0], judged["kalman"][1] / judged["none"][1]
-notebook.say(f"The Kalman filter's error is {more:.1f} cm above that of the single frames, its jitter {share:.2f} of theirs, "
-             f"its lag {judged['kalman'][2]:.2f} s.")
+own, plain = judged["kalman"], judged["none"]
+notebook.say(f"The Kalman filter's error is {own[0] - plain[0]:.1f} cm above that of `none`, "
+             f"its jitter {own[1] / plain[1]:.2f} of it, its lag {own[2]:.2f} s.")
 
 # %% [markdown]
 # So it is calmer even than the exponential smoother, which paid for its calm with lag. How can that be?
@@ -166,10 +172,8 @@ exercises.check_exponential(exponential)
 # two is. A frame in the shade with three paint points gets a small gain, a clear one a large one.
 
 # %% alt="Three bell curves: a prediction, a sharper measurement, and the fused one between them, closer to the measurement and narrower than both."
-a, b = (0.24, 0.05**2), (0.30, 0.03**2)
-variance = 1 / (1 / a[1] + 1 / b[1])
-fused = (variance * (a[0] / a[1] + b[0] / b[1]), variance)
-n05.gaussians(*np.transpose([a, b, fused]), ["prediction", "this frame", "both"], xlabel="offset, m")
+measured_twice = {"prediction": (0.24, 0.05**2), "this frame": (0.30, 0.03**2)}  # mean, variance
+n05.gaussians(measured_twice, together="both", xlabel="offset, m")
 
 # %% [markdown]
 # ### Exercise 2: Fuse
@@ -196,7 +200,8 @@ exercises.check_fuse(fuse)
 # The step $q$ is the one thing to choose, and it has units: how far may each number move in 40 ms? The package's values:
 
 # %%
-for name, i, unit in (("centre", 0, "m"), ("heading", 1, "rad"), ("bend", 2, "1/m"), ("pitch", 5, "rad")):
+units = {"centre": (0, "m"), "heading": (1, "rad"), "bend": (2, "1/m"), "pitch": (5, "rad")}
+for name, (i, unit) in units.items():
     print(f"{name:8} {STEP_STD[i]:.2g} {unit} a frame")
 print(f"sideways, that is {25 * STEP_STD[0]:.2f} m/s")
 
@@ -243,8 +248,10 @@ exercises.check_kalman_step(kalman_step)
 
 # %%
 tiny = rig.scaled((320, 180))
-lens = {"camera_matrix": tuple(map(tuple, tiny.camera.camera_matrix)), "distortion": tuple(tiny.camera.distortion)}
-base = Scene(**lens, mounting=Mounting(**tiny.mounting), size_wh=(320, 180), right=Marking(1.83, "white"), others=())
+lens = {"camera_matrix": tuple(map(tuple, tiny.camera.camera_matrix)),
+        "distortion": tuple(tiny.camera.distortion)}
+base = Scene(**lens, mounting=Mounting(**tiny.mounting), size_wh=(320, 180),
+             right=Marking(1.83, "white"), others=())
 bends = Road([0, 8, 22, 36, 52, 100], [0, 0, 1 / 80, 1 / 80, -1 / 60, -1 / 60])
 winding = []
 for i in range(60):
@@ -272,17 +279,28 @@ for times in (0.1, 0.3, 1.0, 3.0, 10.0):
     print(f"x {times:<5} {motorway[0]:14.1f} {motorway[1]:7.2f} {curvy[0]:25.1f} {curvy[1]:7.2f}")
 
 # %%
-small, large = tried[0.1] / tried[1.0], tried[10.0] / tried[1.0]
-between = np.ptp([tried[times] for times in (0.3, 1.0, 3.0)], axis=0)
-notebook.say(f"A tenth of the steps: {small[0, 0]:.1f} times the error on the motorway, {small[1, 1]:.1f} times the jitter on "
-             f"the winding road. Ten times the steps: {large[0, 0]:.1f} times the error and {large[0, 1]:.1f} times the jitter "
-             f"on the motorway, and {large[1, 0]:.1f} times the error on the winding road. Between a third and three times it "
-             f"changes by {between[0, 0]:.1f} cm and {between[1, 0]:.1f} cm.")
+between = np.ptp([tried[times] for times in (0.3, 1.0, 3.0)], axis=0)[:, 0]
+
+
+def compared(times):
+    """Errors and jitters of such steps, as multiples of those of the package's."""
+    (straight, calm, _), (bent, shaken, _) = tried[times] / tried[1.0]
+    return (f"{straight:.1f} times the error and {calm:.1f} times the jitter on the motorway, "
+            f"{bent:.1f} and {shaken:.1f} times on the winding road")
+
+
+notebook.say(f"A tenth of the steps: {compared(0.1)}. Ten times the steps: {compared(10.0)}. "
+             f"Between a third and three times the error changes by {between[0]:.1f} cm and "
+             f"{between[1]:.1f} cm.")
 
 # %% [markdown]
-# With small steps the filter believes more in the past than in the road, and pays where the road changes. With large ones the
-# prior holds hardly anything any more: the motorway, which needs it, loses; the winding road, where the past is of little use,
-# has the least error of all. Whoever chose on one of the two roads would choose wrong for the other; in between there is room.
+# A tenth of the steps about doubles the motorway's error and the winding road's jitter: the filter believes more in the past
+# than in the road. The winding road's *error* does not show it and hardly follows the setting in order. Frame by frame one sees
+# why: in the last bend the filter falls behind, until a fresh search outdoes it ("In doubt", below) and the lane is thrown away
+# and found anew. That one jump saves the error and makes the jitter: by the error alone this setting would be praised. With
+# large steps the prior holds hardly anything any more: the motorway, which needs it, loses; the winding road, where the past is
+# of little use, has the least error of all. Whoever chose on one of the two roads would choose wrong for the other; in between
+# there is room.
 #
 # The same for the other smoothers, on the first drive: each curve is one of them with weaker and stronger smoothing. (The
 # Kalman filter here smooths recorded fits, as `explore.smoothing` does, which is quick and a little weaker than the real one.)
@@ -293,26 +311,31 @@ fits = [single.process(frame).fit for frame in frames]
 
 
 def recorded(label, **options):
-    """(label, error cm, jitter cm a frame, lag s) 20 m ahead, of a tracker over the recorded fits."""
+    """(label, error cm, jitter cm a frame, lag s) 20 m ahead, of a tracker over recorded fits."""
     at_20_m = np.array([[1, 20, 400, 8000]])
-    found = np.array([float((at_20_m @ mean[:4])[0]) for mean in explore.smoothed(fits, **options)[0]])
+    means, _ = explore.smoothed(fits, **options)
+    found = np.array([float((at_20_m @ mean[:4])[0]) for mean in means])
     off, late = 100 * (found - exact), lag_s(seconds, np.array(exact), found)
     return label, np.sqrt(np.mean(off**2)), np.sqrt(np.mean(np.diff(off) ** 2)), late
 
 
-# %% alt="Jitter against error and against lag: the average and, more so, exponential smoothing first gain calm and then lose it again, while error and lag grow; the Kalman filter's points lie close together at the lower left of both panels."
-ways = {
-    "average of n": [recorded(f"{n}", smoothing="average", n=n) for n in (1, 2, 3, 6, 12)],
-    "exponential, α": [recorded(f"{a:g}", smoothing="exponential", alpha=a) for a in (0.8, 0.5, 0.3, 0.15)],
-    "kalman, steps ×": [recorded(f"{k:g}", smoothing="kalman", step=k) for k in (3.0, 1.0, 0.3, 0.1)],
+# %% alt="Jitter against error and against lag: the average and, more so, exponential smoothing first gain calm and then lose it again, while error and lag grow; the Kalman filter's four points lie close together at the lower left of both panels, and a window shows them enlarged: steps of 1 and 0.3 times the package's are the best of them."
+settings = {
+    "average of n": ("average", "n", (1, 2, 3, 6, 12)),
+    "exponential, α": ("exponential", "alpha", (0.8, 0.5, 0.3, 0.15)),
+    "kalman, steps ×": ("kalman", "step", (3.0, 1.0, 0.3, 0.1)),
 }
-n05.tradeoff(ways)
+ways = {way: [recorded(f"{value:g}", smoothing=smoothing, **{option: value}) for value in values]
+        for way, (smoothing, option, values) in settings.items()}
+colours = {way: SMOOTHER_COLOURS[smoothing] for way, (smoothing, *_) in settings.items()}
+n05.tradeoff(ways, colours=colours, enlarged="kalman, steps ×")
 
 # %%
 calmest = {way: min(points, key=lambda point: point[2]) for way, points in ways.items()}
 single_jitter = ways["average of n"][0][2]
-notebook.say("At its calmest " + "; ".join(f"**{way}: {best[0]}** has {best[2] / single_jitter:.2f} of the single frames' "
-             f"jitter at {best[1]:.1f} cm of error" for way, best in calmest.items()) + ".")
+each = [f"**{way}: {label}** has {jitter / single_jitter:.2f} of the single frames' jitter "
+        f"at {error:.1f} cm of error" for way, (label, error, jitter, _) in calmest.items()]
+notebook.say("At its calmest " + "; ".join(each) + ".")
 
 # %% [markdown]
 # Both classic smoothers walk *right*, in error and in lag. Both gain calm for it, the exponential one more; and with strong
@@ -354,12 +377,18 @@ figures.contact_sheet([draw.overlay(woods[i], wooded["kalman"][i], text=False) f
 # out.
 #
 # Back to the simulator: where, along its drive, do the errors come from? (The average's error is the lane's own movement,
-# times its lag. The single frames' error is noise. The filter keeps a little of both: its error is no smaller than theirs, but calm.)
+# times its lag. The error without smoothing is noise. The filter keeps a little of both: its error is no smaller than theirs, but calm.)
 
-# %% alt="The error of the lane's centre at 20 m over time: each frame alone scatters around zero, the average is centimetres off, first to one side and then to the other, the Kalman filter stays near zero."
-figures.curves(seconds, {s: [100 * (centre_m(r) - e) for r, e in zip(results[s], exact, strict=True)]
-                         for s in ("none", "average", "kalman")},
-               markers=False, xlabel="time, s", ylabel="error 20 m ahead, cm", title="where the lane is not")
+# %% alt="The error of the lane's centre at 20 m over time: without smoothing it scatters around zero, the average is centimetres off, first to one side and then to the other, the Kalman filter stays near zero."
+def errors_cm(found):
+    """The error of the lane's centre 20 m ahead in each frame; 0 without a lane."""
+    pairs = zip(found, exact, strict=True)
+    return [100 * (centre_m(result) - x) if result else 0.0 for result, x in pairs]
+
+
+off = {smoothing: errors_cm(results[smoothing]) for smoothing in ("none", "average", "kalman")}
+figures.curves(seconds, off, markers=False, colours=SMOOTHER_COLOURS, xlabel="time, s",
+               ylabel="error 20 m ahead, cm", title="where the lane is not")
 
 # %% [markdown]
 # ## Missed frames: hold, and know that you hold
@@ -368,7 +397,7 @@ figures.curves(seconds, {s: [100 * (centre_m(r) - e) for r, e in zip(results[s],
 # **What should the program say in each case?** A black frame is no error of the program, and it must not crash; an honest
 # answer is "held from before", with falling confidence, and after a while "no lane".
 
-# %% alt="Curvature, offset and confidence over time: during eight black frames the lane is held, shaded orange, with falling confidence; when the camera is covered it is held half a second and then there is none, shaded red."
+# %% alt="Offset and confidence over time: during eight black frames the lane is held, shaded pale yellow, with falling confidence; when the camera is covered it is held half a second and then there is none, shaded salmon."
 black = np.zeros_like(frames[0])
 troubled = [black if 50 <= i < 58 or i >= 110 else frame for i, frame in enumerate(frames)]
 finder = LaneFinder(rig)
@@ -378,7 +407,8 @@ figures.over_time(rows, truth, quantities=("offset_m", "confidence"))
 
 # %%
 for i in (49, 53, 57, 58, 121, 122):
-    print(f"{seconds[i]:.2f} s: {seen[i].status:8} confidence {seen[i].confidence:.2f}  {seen[i].reason}")
+    one = seen[i]
+    print(f"{seconds[i]:.2f} s: {one.status:8} confidence {one.confidence:.2f}  {one.reason}")
 
 # %% [markdown]
 # (That the offset lies some centimetres beside the truth in the first two seconds is not the tracker's fault: the road
@@ -394,14 +424,17 @@ wrong = []
 for gap in gaps:
     ends = {begin + gap: explore.smoothed(fits[:begin] + [None] * gap, hold_frames=99)[0][-1]
             for begin in range(10, 120, 5)}
-    wrong.append([abs(float(np.array([1, 20, 400, 8000]) @ m[:4]) - exact[end - 1]) for end, m in ends.items()])
-in_cm = {"mean": [100 * np.mean(w) for w in wrong], "worst": [100 * np.max(w) for w in wrong]}
-figures.curves(np.array(gaps) / 25, in_cm, xlabel="length of the gap, s", ylabel="error 20 m ahead, cm")
+    wrong.append([100 * abs(np.polyval(mean[3::-1], 20) - exact[end - 1])
+                  for end, mean in ends.items()])
+in_cm = {"mean": [np.mean(w) for w in wrong], "worst": [np.max(w) for w in wrong]}
+figures.curves(np.array(gaps) / 25, in_cm, xlabel="length of the gap, s",
+               ylabel="error 20 m ahead, cm")
 
 # %%
-worst = dict(zip(gaps, (max(w) for w in wrong), strict=True))
-notebook.say(f"After {HOLD_FRAMES} frames ({HOLD_FRAMES / 25:.2f} s) the worst held lane is {worst[12]:.2f} m off "
-             f"20 m ahead, after a second {worst[25]:.2f} m. Between the car and the line there are 0.9 m.")
+worst_m = {gap: max(w) / 100 for gap, w in zip(gaps, wrong, strict=True)}
+notebook.say(f"After {HOLD_FRAMES} frames ({HOLD_FRAMES / 25:.2f} s) the worst held lane is "
+             f"{worst_m[12]:.2f} m off 20 m ahead, after a second {worst_m[25]:.2f} m. "
+             "Between the car and the line there are 0.9 m.")
 
 # %% [markdown]
 # Half a second is what a held lane is good for on a motorway; in tighter bends it is less. Holding for ever is the worst
@@ -459,7 +492,8 @@ for i in range(60):
     slope = d * (1 - d / 3.66) / 6  # its derivative: metres sideways a metre ahead
     lines = [Marking(-1.83, "yellow"), Marking(1.83, gap_m=10.97), Marking(5.49)]
     own = lines[:2] if d < 1.83 else lines[1:]
-    scene = replace(base, left=own[0], right=own[1], others=tuple(line for line in lines if line not in own),
+    others = tuple(line for line in lines if line not in own)
+    scene = replace(base, left=own[0], right=own[1], others=others,
                     pose=CarPose(float(i), d, -slope), seed=i)
     picture, entry = render_road(scene)
     change.append((picture, entry | {"time_s": i / 25}))
@@ -471,10 +505,11 @@ crossing = [finder.process(picture).to_row("change") | {"time_s": entry["time_s"
 figures.over_time(crossing, [entry for _, entry in change], quantities=("offset_m",))
 
 # %%
-late = [i for i, (row, (_, entry)) in enumerate(zip(crossing, change, strict=True))
-        if row["offset_m"] is None or abs(row["offset_m"] - entry["offset_m"]) > 1.0]
-notebook.say(f"Between the car's crossing of the line and the tracker's handover {len(late) / 25:.2f} s go by; "
-             "all other frames are on the right lane.")
+pairs = zip(crossing, change, strict=True)
+offsets_m = [(row["offset_m"], entry["offset_m"]) for row, (_, entry) in pairs]
+late = [found for found, true in offsets_m if found is None or abs(found - true) > 1.0]
+notebook.say(f"Between the car's crossing of the line and the tracker's handover "
+             f"{len(late) / 25:.2f} s go by; all other frames are on the right lane.")
 
 # %% [markdown]
 # ## The video
@@ -483,11 +518,15 @@ notebook.say(f"Between the car's crossing of the line and the tracker's handover
 # and dashed. The troubled drive, as it would look in the car:
 
 # %% tags=["nbval-ignore-output"]
-drawn = (draw.overlay(frame, result) for frame, result in zip(troubled[30:130], seen[30:130], strict=True))
-notebook.play(drawn, alt="The lane in green; held, paler and dashed, for eight black frames; gone at the end.")
+drawn = [draw.overlay(*one) for one in zip(troubled[30:130], seen[30:130], strict=True)]
+notebook.play(drawn, alt="The lane in green; held, paler and dashed, for eight black frames; "
+                         "gone at the end.")
 
-# %% alt="Three frames of the troubled drive: a measured lane, a held one on a black frame with a paler dashed lane, and a black frame that says no lane."
-figures.show({f"{seconds[i]:.2f} s: {seen[i].status}": draw.overlay(troubled[i], seen[i]) for i in (48, 54, 125)})
+# %% alt="Three frames of the troubled drive: a measured lane, a held one on a black frame with a paler dashed lane, and a black frame without a lane."
+moments = (48, 54, 125)
+figures.show([draw.overlay(troubled[i], seen[i], text=False) for i in moments],
+             [f"{seconds[i]:.2f} s: {seen[i].status}, confidence {seen[i].confidence:.2f}"
+              for i in moments])
 
 # %% [markdown]
 # And for those who must find out *why*: the diagnostic video shows mask, evidence, windows, fit and numbers of each frame.
@@ -496,8 +535,9 @@ figures.show({f"{seconds[i]:.2f} s: {seen[i].status}": draw.overlay(troubled[i],
 
 # %% tags=["nbval-ignore-output"]
 watch = zip(frames[40:100:3], results["kalman"][40:100:3], strict=True)
-notebook.play((stages.diagnostic(frame, single, result) for frame, result in watch), fps=8, width=720,
-              alt="The diagnostic video: overlay, windows, fitted lane, mask, evidence, histogram, numbers.")
+shown = [stages.diagnostic(frame, single, result) for frame, result in watch]
+notebook.play(shown, fps=8, width=720, alt="The diagnostic video: overlay, windows, fitted lane, "
+                                           "mask, evidence, histogram, numbers.")
 
 # %% alt="One frame of the diagnostic video: the lane on the frame, windows on the mask, the fitted lane from above, the recipe's mask, the evidence, the histogram and the numbers."
 figures.show(stages.diagnostic(frames[70], single, results["kalman"][70]), width=9)
@@ -520,7 +560,7 @@ def hardest(badness, count=4, apart=12):
 
 
 by_doubt = hardest([1 - result.confidence for result in seen])
-errors = [100 * abs(centre_m(r) - e) if r else 0.0 for r, e in zip(seen, exact, strict=True)]
+errors = np.abs(errors_cm(seen))
 by_error = hardest(errors)
 
 # %% alt="Eight small frames: in the upper row the four most doubtful, all of them black ones; in the lower row the four with the largest error, held lanes on black frames first, then frames on the road."
@@ -531,7 +571,8 @@ figures.contact_sheet([draw.overlay(troubled[i], seen[i], text=False) for i in b
 # %%
 measured = [e for e, r in zip(errors, seen, strict=True) if r.status == "measured"]
 held = [e for e, r in zip(errors, seen, strict=True) if r.status == "held"]
-notebook.say(f"Largest error of a measured lane {max(measured):.1f} cm, of a held one {max(held):.1f} cm.")
+notebook.say(f"Largest error of a measured lane {max(measured):.1f} cm, "
+             f"of a held one {max(held):.1f} cm.")
 
 # %% [markdown]
 # Both lists begin at the gaps, as they should. The doubts never leave them, for nothing is less certain than no lane at all;
@@ -543,8 +584,14 @@ notebook.say(f"Largest error of a measured lane {max(measured):.1f} cm, of a hel
 # %% tags=["nbval-ignore-output"]
 explore.scrub(clip.path, rig, end_s=4.0, truth={entry["raw_file"]: entry for entry in truth})
 
-# %% alt="The moment with the largest error, three frames: the last one before the gap, the held lane at the end of the gap, the first one measured again."
-figures.show({f"{seconds[i]:.2f} s: {seen[i].status}": draw.overlay(troubled[i], seen[i]) for i in (49, 57, 58)})
+# %% alt="What the scrubber shows at its first Next worst: a frame of the straight road with its lane, and below it the course of the error, low all the time, with a mark at this moment."
+watched = explore.look_through(clip.path, rig, end_s=4.0, truth={e["raw_file"]: e for e in truth})
+figures.show(explore.scrub_look(watched, watched.worst[0]).picture)
+
+# %%
+notebook.say(f"The worst moment of these four seconds is {watched.badness.max():.1f} px off: there "
+             "is nothing for the eye to find. In the forest (notebook 06) and on your own drive "
+             "there is.")
 
 # %% [markdown]
 # ## What you have learned
@@ -587,5 +634,5 @@ figures.show({f"{seconds[i]:.2f} s: {seen[i].status}": draw.overlay(troubled[i],
 # 1. Error and lag, against truth, on a road with bends: a lane held for ever has no jitter at all.
 # 2. One frame tells the centre well, compared with what the past knows of it, and the width hardly: widths do not change, so
 #    the past has many frames' worth of it, and the filter rightly hardly listens.
-# 3. On a nearly straight road radii jump between plus and minus thousands of metres while the road does nothing; their
-#    mean is meaningless. Average curvatures (or better, the state), and compute the radius last.
+# 3. On a nearly straight road signed radii jump between plus and minus thousands of metres while the road does nothing;
+#    their mean is meaningless. Average curvatures (or better, the state), and compute the radius last.
