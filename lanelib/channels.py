@@ -66,7 +66,7 @@ CHANNELS: dict[str, Channel] = {
     "lab_l": _channel(cv2.COLOR_BGR2LAB, 0),  # lightness as the eye sees it, 0..255
     "lab_a": _channel(cv2.COLOR_BGR2LAB, 1),
     "lab_b": _channel(cv2.COLOR_BGR2LAB, 2),  # blue 0 .. grey 128 .. yellow 255: the best single channel for yellow
-    "yuv_y": _channel(cv2.COLOR_BGR2YUV, 0),  # what a video file stores: brightness,
+    "yuv_y": _channel(cv2.COLOR_BGR2YUV, 0),  # what a video file stores (there in 16..235): brightness,
     "yuv_u": _channel(cv2.COLOR_BGR2YUV, 1),  # blue difference (yellow lies below 128),
     "yuv_v": _channel(cv2.COLOR_BGR2YUV, 2),  # red difference
 }
@@ -116,11 +116,16 @@ def hsv_yellow(
 
 
 def equalise_lightness(frame_bgr: np.ndarray, *, clip_limit: float = 2.0, tiles: int = 8) -> np.ndarray:
-    """CLAHE on the L of LAB; colours stay. Returns a new frame_bgr.
+    """CLAHE on the L of LAB; colours stay. Returns a new frame_bgr (H, W, 3) uint8.
 
     Contrast limited adaptive histogram equalisation: each of tiles x tiles regions is stretched over the whole scale,
     by at most `clip_limit` times, so that noise in a flat region is not blown up (Zuiderveld, Graphics Gems IV, 1994).
     """
+    if tiles not in range(1, 65) or not clip_limit > 0:  # OpenCV ends Python on 0 tiles
+        raise LanelibError(
+            f"1 to 64 tiles a side and a clip limit above 0 are needed, found {tiles} and {clip_limit}; 8 and 2.0 are "
+            "usual"
+        )
     lab = cv2.cvtColor(as_bgr(frame_bgr), cv2.COLOR_BGR2LAB)
     clahe = cv2.createCLAHE(clipLimit=clip_limit, tileGridSize=(tiles, tiles))
     lab[:, :, 0] = clahe.apply(np.ascontiguousarray(lab[:, :, 0]))

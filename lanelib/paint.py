@@ -61,7 +61,7 @@ def ridge_response(channel: np.ndarray, *, column_m: float = 0.05, rows: int | N
     ``column_m``: metres per column. Two stripes are tried, a single line and one about three times as wide (two lines
     and their gap, seen as one from afar); the better one counts. Columns too close to the picture's border read 0.
     ``rows``: of each picture, where several stand below each other. Sums of integers throughout: exact, and several
-    times faster than floating point.
+    times faster than floating point (where paint is wider than 42 columns, of floats, which hold such integers).
     """
     width = max(3, round(PAINT_WIDTH_M / column_m) | 1)  # odd: an even box shifts the line by half a pixel
     near, far = width + 1, 2 * width + 1  # columns from the middle of the line to the middle of the road beside it
@@ -70,7 +70,8 @@ def ridge_response(channel: np.ndarray, *, column_m: float = 0.05, rows: int | N
     z = np.zeros(channel.shape, np.float32)
     if inside < 1:
         return z
-    sums = cv2.boxFilter(channel, cv2.CV_16S, (width, 1), normalize=False, borderType=cv2.BORDER_REPLICATE)
+    depth = cv2.CV_16S if 3 * 255 * width <= np.iinfo(np.int16).max else cv2.CV_32F
+    sums = cv2.boxFilter(channel, depth, (width, 1), normalize=False, borderType=cv2.BORDER_REPLICATE)
 
     def at(columns: int) -> np.ndarray:
         return sums[:, far + columns : far + columns + inside]
@@ -91,7 +92,8 @@ def ridge_response(channel: np.ndarray, *, column_m: float = 0.05, rows: int | N
 
 
 def brightness_of_luma(luma: np.ndarray) -> np.ndarray:
-    """The same brightness from the Y plane (H, W) uint8 of a video frame (limited range, ITU-R BT.601)."""
+    """Brightness from the Y plane (H, W) uint8 of a video frame (limited range, ITU-R BT.601), for greys the same as
+    that of ``paint_channels``; yellow paint is brighter in it, and seen in either."""
     return cv2.addWeighted(luma, 1.164, luma, 0, -1.164 * 16)
 
 
@@ -129,7 +131,7 @@ def paint_points(z: np.ndarray) -> PaintPoints:
     strong[:, 0] = strong[:, -1] = False  # a crest has a neighbour on both sides
     at, flat = np.flatnonzero(strong), z.ravel() if z.dtype.kind == "f" else z.ravel().astype(np.float32)
     before, here, after = flat[at - 1], flat[at], flat[at + 1]
-    crest = np.flatnonzero((here > before) & (here >= after))  # of two equal neighbours the right one
+    crest = np.flatnonzero((here > before) & (here >= after))  # of two equal neighbours the left one
     at, before, here, after = at[crest], before[crest], here[crest], after[crest]
     shift = 0.5 * (before - after) / ((before - here) + (after - here))  # never more than half a pixel
     row, column = np.divmod(at, z.shape[1])

@@ -62,13 +62,14 @@ class LanePixels:
 
 
 def _weights(mask: np.ndarray) -> np.ndarray:
-    """(H, W) float32 weights of 0 and more: 0..255 becomes 0..1, a float picture stays; NaN and negative become 0."""
+    """(H, W) float32 weights of 0 and more: of whole numbers 0..255 becomes 0..1 and a mask of 0 and 1 stays, as a
+    picture of floats does; NaN and negative become 0."""
     if not isinstance(mask, np.ndarray) or mask.ndim != 2 or mask.size == 0 or mask.dtype.kind not in "bufi":
         found = f"shape {mask.shape}, {mask.dtype}" if isinstance(mask, np.ndarray) else type(mask).__name__
         raise LanelibError(f"a mask or weight picture of shape (H, W) is needed, found {found}; give one channel")
-    if mask.dtype == np.uint8:
-        return mask * np.float32(1 / 255)
     weights = mask.astype(np.float32)
+    if mask.dtype.kind in "ui" and mask.max() > 1:
+        weights *= np.float32(1 / 255)
     return np.where(np.isfinite(weights) & (weights > 0), weights, np.float32(0))
 
 
@@ -87,23 +88,28 @@ def find_peaks(
 ) -> tuple[int | None, int | None]:
     """Columns of the highest peak left and right of `centre` (default: the middle); None where a side is all zero.
 
-    The sums are first averaged over `smooth_px` columns (odd; default SMOOTH_FRACTION of the width).
+    The sums (W,) are first averaged over `smooth_px` columns (odd; default SMOOTH_FRACTION of the width).
     """
+    column_sums = np.asarray(column_sums, float)
+    if column_sums.ndim != 1 or not len(column_sums) or not np.isfinite(column_sums).all():
+        raise LanelibError(f"finite sums of columns (W,) are needed, found shape {column_sums.shape}; see histogram")
+    if centre is not None and not np.isfinite(centre):
+        raise LanelibError(f"a column is needed as centre, found {centre}; leave it out for the middle")
     width = len(column_sums)
     smooth_px = 2 * round(SMOOTH_FRACTION * width / 2) + 1 if smooth_px is None else smooth_px
     if smooth_px < 1 or smooth_px % 2 == 0:
         raise LanelibError(f"an odd smoothing width of 1 or more is needed, found {smooth_px}; add 1")
     centre = (width - 1) / 2 if centre is None else min(max(centre, 0), width - 1)
     split = round(centre + 0.5)  # the first column on the right
-    halves = np.array(column_sums, float), np.array(column_sums, float)
-    halves[0][split:] = 0  # each side is smoothed alone: a stripe across the middle must not count for the other side
-    halves[1][:split] = 0
     peaks: list[int | None] = []
-    for sums in halves:
-        smooth = np.convolve(sums, np.ones(smooth_px) / smooth_px)[smooth_px // 2 :][:width]
+    for side in (slice(None, split), slice(split, None)):
+        sums = np.zeros(width)  # each side is smoothed alone: a stripe across the middle must not count for the other
+        sums[side] = column_sums[side]
         if not sums.any():
             peaks.append(None)
             continue
+        smooth = np.full(width, -np.inf)
+        smooth[side] = np.convolve(sums, np.ones(smooth_px) / smooth_px)[smooth_px // 2 :][:width][side]
         highest = np.flatnonzero(smooth >= smooth.max() * (1 - 1e-9))
         flat_top = highest[: np.argmax(np.diff(highest, append=np.inf) > 1) + 1]  # the first run of equal columns
         peaks.append(int(flat_top[len(flat_top) // 2]))

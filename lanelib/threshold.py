@@ -85,18 +85,33 @@ def direction_mask(gradients: Gradients, low_rad: float, high_rad: float) -> np.
 
 
 def any_of(*masks: np.ndarray) -> np.ndarray:
-    """255 where at least one of the masks is not 0."""
-    return np.logical_or.reduce(masks).astype(np.uint8) * 255
+    """255 where at least one of the masks (H, W) is not 0."""
+    return np.logical_or.reduce(_alike(masks)).astype(np.uint8) * 255
 
 
 def all_of(*masks: np.ndarray) -> np.ndarray:
-    """255 where none of the masks is 0."""
-    return np.logical_and.reduce(masks).astype(np.uint8) * 255
+    """255 where none of the masks (H, W) is 0."""
+    return np.logical_and.reduce(_alike(masks)).astype(np.uint8) * 255
+
+
+def _alike(masks: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
+    shapes = {one_channel(mask).shape for mask in masks}
+    if len(shapes) != 1:
+        raise LanelibError(f"masks of one size are needed, found {sorted(shapes) or 'none'}; take them from one frame")
+    return masks
+
+
+def _as_uint8(mask: np.ndarray) -> np.ndarray:
+    """The mask as OpenCV takes it; a uint8 one is not copied."""
+    return mask if one_channel(mask).dtype == np.uint8 else any_of(mask)
 
 
 def close_gaps(mask: np.ndarray, *, size_px: int = 5) -> np.ndarray:
-    """Morphological closing (dilate, then erode) with a square: fills gaps and holes narrower than `size_px`."""
-    return cv2.morphologyEx(one_channel(mask), cv2.MORPH_CLOSE, np.ones((size_px, size_px), np.uint8))
+    """Morphological closing (dilate, then erode) of a mask (H, W) with a square of `size_px` (odd): fills gaps and
+    holes narrower than that."""
+    if size_px not in range(1, 1000, 2):
+        raise LanelibError(f"an odd number of pixels is needed to close gaps, found {size_px}; use 3, 5, 7, …")
+    return cv2.morphologyEx(_as_uint8(mask), cv2.MORPH_CLOSE, np.ones((size_px, size_px), np.uint8))
 
 
 # ------------------------------------------------------------------- the default: paint is a narrow ridge
@@ -176,11 +191,13 @@ def paint_ridges(
 
 
 def keep_long(mask: np.ndarray, *, horizon_row: float | None = None) -> np.ndarray:
-    """The mask without connected pieces of fewer rows than LENGTH_MIN of their lowest row's depth below the horizon.
+    """The mask (H, W) without connected pieces of fewer rows than LENGTH_MIN of their lowest row's depth below the
+    horizon.
 
     A piece from row v - h to v below the horizon covers h / (v - h) of its distance to the car on a flat road.
     """
-    horizon_row = HORIZON_FRACTION * len(one_channel(mask)) if horizon_row is None else horizon_row
+    mask = _as_uint8(mask)
+    horizon_row = HORIZON_FRACTION * len(mask) if horizon_row is None else horizon_row
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     heights = stats[:, cv2.CC_STAT_HEIGHT]
     depths = stats[:, cv2.CC_STAT_TOP] + heights - 1 - horizon_row
@@ -205,6 +222,8 @@ def paint_response(frame_bgr: np.ndarray, *, horizon_row: float | None = None, c
     """How much every pixel looks like paint, z >= 0, (H, W) float32: the finder's own measure (``paint``), taken in
     the frame, where paint grows with the rows below the horizon. What the textbook order weighs its points with; the
     mask above is the same idea as a yes or no."""
+    if not camera_height_m > 0:
+        raise LanelibError(f"a camera above the road is needed, found a height of {camera_height_m} m; give metres")
     brightness, yellow = paint_channels(as_bgr(frame_bgr))
     widths = stripe_widths(len(brightness), horizon_row=horizon_row, paint_slope=PAINT_WIDTH_M / camera_height_m)
     z = np.zeros(brightness.shape, np.float32)
@@ -224,7 +243,6 @@ class Recipe:
 
     name: str
     title: str
-    description: str
     steps: Callable[[np.ndarray], dict[str, np.ndarray]]
 
     def function(self, frame_bgr: np.ndarray) -> np.ndarray:
@@ -276,14 +294,15 @@ def _clahe_colour_sobel_steps(frame_bgr: np.ndarray) -> dict[str, np.ndarray]:
 RECIPES: dict[str, Recipe] = {
     recipe.name: recipe
     for recipe in (
-        Recipe("paint", "Paint is a ridge", "Brighter or yellower than the road on both sides, at paint's width, "
-               "relative to local brightness and texture; short pieces dropped.", paint_steps),
-        Recipe("sobel-or-colour", "Gradient or colour", "(Sobel x AND magnitude AND direction) OR (S OR R).",
-               _sobel_or_colour_steps),
-        Recipe("gradient-and-colour", "Gradient and colour", "Gradient AND (HLS OR HSV OR LAB).",
-               _gradient_and_colour_steps),
-        Recipe("clahe-colour-sobel", "CLAHE, colour, Sobel", "After CLAHE: HLS white OR HSV yellow OR Sobel x, closed.",
-               _clahe_colour_sobel_steps),
+        # brighter or yellower than the road on both sides, at paint's width, relative to local brightness and texture;
+        # short pieces dropped
+        Recipe("paint", "Paint is a ridge", paint_steps),
+        # (Sobel x AND magnitude AND direction) OR (S OR R)
+        Recipe("sobel-or-colour", "Gradient or colour", _sobel_or_colour_steps),
+        # gradient AND (HLS OR HSV OR LAB)
+        Recipe("gradient-and-colour", "Gradient and colour", _gradient_and_colour_steps),
+        # after CLAHE: HLS white OR HSV yellow OR Sobel x, closed
+        Recipe("clahe-colour-sobel", "CLAHE, colour, Sobel", _clahe_colour_sobel_steps),
     )
 }
 DEFAULT_RECIPE = "paint"

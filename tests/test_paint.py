@@ -7,13 +7,18 @@ from roads import ASPHALT, WHITE, paint_scan
 
 from lanelib.birdseye import Grid
 from lanelib.paint import (
+    FLOOR_GREY_LEVELS,
+    PAINT_WIDTH_M,
     STRONG_Z,
+    TEXTURE_SIZE_M,
     WEAK_Z,
+    brightness_of_luma,
     paint_channels,
     paint_evidence,
     paint_points,
     ridge_response,
     weight_of,
+    yellow_of_uv,
 )
 
 GRID = Grid(np.arange(-192, 193) * 0.05, np.linspace(45, 4, 60))
@@ -80,6 +85,46 @@ def test_the_response_follows_the_columns_width_in_metres():
         assert ridge_response(kerb, column_m=column_m)[:, 148:152].max() == 0
 
 
+def response_by_hand(row, width):
+    """The formula in floating point, of a row of a picture whose rows are alike."""
+    border = 3 * width
+    padded = np.pad(row.astype(float), border, mode="edge")
+    box = np.convolve(padded, np.ones(width) / width, "same")
+    at = lambda k: np.roll(box, -k)[border:-border]  # noqa: E731
+    near, far, step = width + 1, 2 * width + 1, width // 2 + 1
+    ridge = at(0) - np.maximum(at(-near), at(near))
+    wide = (at(-step) + at(0) + at(step)) / 3 - np.maximum(at(-far), at(far))
+    return np.maximum(np.maximum(ridge, wide), 0), np.abs(at(0) - (at(-near) + at(near)) / 2)
+
+
+@pytest.mark.parametrize("width", [3, 41, 43, 57, 75, 113, 135])
+@pytest.mark.parametrize("lines", [1, 3])
+def test_paint_of_any_width_in_columns_answers_alike(width, lines):
+    """Sums of bright paint leave what 16 bits hold from 43 columns on: a frame of 4K has 109."""
+    size = round(TEXTURE_SIZE_M / (PAINT_WIDTH_M / width)) | 1
+    columns = 3 * size
+    row = np.full(columns, 150, np.uint8)
+    row[columns // 2 - lines * width // 2 : columns // 2 + lines * width // 2 + 1] = 250
+    found = ridge_response(np.tile(row, (9, 1)), column_m=PAINT_WIDTH_M / width)[4]
+    ridge, texture = response_by_hand(row, width)
+    mean = np.convolve(texture, np.ones(size) / size, "same")
+    inside = slice(size, -size)  # the picture's border aside
+    np.testing.assert_allclose(found[inside], (ridge / (mean + FLOOR_GREY_LEVELS))[inside], atol=0.15)
+    assert found.max() > STRONG_Z
+
+
+def test_video_planes_give_the_same_brightness_and_yellow():
+    bgr = np.random.default_rng(2).integers(30, 220, (40, 60, 3), dtype=np.uint8)
+    bgr = cv2.resize(bgr, (240, 160), interpolation=cv2.INTER_NEAREST)  # patches larger than a chroma pixel
+    yuv = cv2.cvtColor(bgr, cv2.COLOR_BGR2YUV_I420)
+    luma, u, v = yuv[:160], yuv[160:200].reshape(80, 120), yuv[200:].reshape(80, 120)
+    yellow = paint_channels(bgr)[1][::2, ::2].astype(float)
+    assert np.abs(yellow_of_uv(u, v) - yellow).max() < 6 and np.abs((yellow_of_uv(u, v) - yellow).mean()) < 0.5
+    grey = np.repeat(bgr[..., :1], 3, axis=2)
+    luma = cv2.cvtColor(grey, cv2.COLOR_BGR2YUV_I420)[:160]
+    assert np.abs(brightness_of_luma(luma).astype(float) - paint_channels(grey)[0]).max() <= 2
+
+
 def test_pictures_below_each_other_do_not_see_each_other():
     pictures = np.random.default_rng(1).integers(0, 256, (3, 20, 301), dtype=np.uint8)
     together = ridge_response(np.concatenate(pictures), rows=20)
@@ -126,6 +171,8 @@ def test_the_parabola_through_three_pixels_finds_its_top():
     points = paint_points(z)
     np.testing.assert_allclose(points.column, top, atol=1e-3)
     assert points.row.tolist() == [0, 1, 2]
+    flat = paint_points(np.array([[0, 2, 5, 5, 2, 0]], np.float32))  # one crest, half way between the two
+    assert flat.column.tolist() == [2.5]
 
 
 def test_weights_run_from_weak_to_strong():

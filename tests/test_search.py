@@ -48,6 +48,31 @@ def test_peaks_are_the_middle_of_the_stripes_and_none_where_there_is_nothing():
     assert find_peaks(np.zeros(10)) == (None, None)
     with pytest.raises(LanelibError, match="odd"):
         find_peaks(sums, smooth_px=4)
+    left, right = find_peaks(np.array([1, 0, 0, 2.0]), smooth_px=9)  # each on its side, however wide the mean
+    assert left < 2 <= right
+    for bad in ([], [[1.0, 2.0]], [1.0, np.nan]):
+        with pytest.raises(LanelibError, match="sums of columns"):
+            find_peaks(bad)
+    with pytest.raises(LanelibError, match="centre"):
+        find_peaks(sums, centre=np.nan)
+
+
+def test_the_centre_divides_between_columns():
+    """Of columns 0..9 the middle is 4.5; at a centre of 4.6 column 5 is on the right."""
+    sums = np.zeros(10)
+    sums[5] = 3
+    assert find_peaks(sums, smooth_px=1) == (None, 5)
+    assert find_peaks(sums, centre=4.6, smooth_px=1) == (None, 5)
+    assert find_peaks(sums, centre=5.4, smooth_px=1) == (5, None)
+
+
+@pytest.mark.parametrize("kind", [bool, np.uint8, np.int64, np.float32])
+def test_masks_of_any_numbers_count_their_pixels(kind):
+    mask = (draw(LEFT, RIGHT) > 0).astype(kind)
+    levels = [mask] if kind in (bool, np.float32) else [mask, mask * 255]
+    for one in levels:
+        assert histogram(one) == pytest.approx(histogram(draw(LEFT, RIGHT)))
+        assert any(window.recentred for window in sliding_windows(one).windows)
 
 
 def test_a_single_bright_column_loses_against_a_stripe():
@@ -125,6 +150,9 @@ def test_weights_pull_the_windows():
     middle = (found.windows[1].left + found.windows[1].right - 1) / 2
     assert middle == pytest.approx((40 * 1 + 60 * 0.01) / 1.01, abs=1)
     assert set(np.round(found.left_weights, 4)) == {1.0, 0.01}
+    many_weak = np.full((60, 200), 0.01, np.float32)  # 1200 pixels in a window, and a weight of 12 together
+    found = sliding_windows(many_weak, n_windows=3, margin_px=30, minimum_pixels=20)
+    assert len(found.left_xy) > 20 and not any(window.recentred for window in found.windows)
 
 
 def test_search_around_takes_exactly_the_pixels_within_the_margin():

@@ -118,6 +118,12 @@ def test_colour_masks_tell_white_yellow_and_road_apart():
     assert in_range(np.array([[1.0, np.nan, 3.0]]), 1, 2).tolist() == [[255, 0, 0]]
 
 
+@pytest.mark.parametrize("options", [{"tiles": 0}, {"tiles": 100_000}, {"tiles": 2.5}, {"clip_limit": 0.0}])
+def test_clahe_refuses_what_would_end_python(options):
+    with pytest.raises(LanelibError, match="tiles a side and a clip limit"):
+        equalise_lightness(np.full((40, 60, 3), 90, np.uint8), **options)
+
+
 def test_clahe_stretches_lightness_keeps_colour_and_leaves_its_input_alone():
     ramp = np.tile(np.linspace(100, 120, 160).astype(np.uint8), (120, 1))
     frame = cv2.merge([ramp, ramp, ramp])
@@ -176,6 +182,28 @@ def test_combining_and_closing():
     mask[9:11, 9:11] = 0
     assert close_gaps(mask, size_px=3).all()
     assert not close_gaps(np.zeros((9, 9), np.uint8)).any()
+    for size_px in (0, 4, -1):  # an even square would move the mask
+        with pytest.raises(LanelibError, match="odd number of pixels"):
+            close_gaps(mask, size_px=size_px)
+    for masks in ((), (a, mask), (None,)):
+        with pytest.raises(LanelibError):
+            any_of(*masks)
+
+
+@pytest.mark.parametrize("kind", [bool, np.int64, np.float64])
+def test_masks_of_any_numbers_are_cleaned_alike(kind):
+    mask = np.zeros((60, 40), np.uint8)
+    mask[10:50, 10:14] = mask[30:32, 30:33] = 1
+    for clean in (close_gaps, lambda m: keep_long(m, horizon_row=3.0), keep_long):
+        assert np.array_equal(clean(mask.astype(kind)) != 0, clean(mask) != 0)
+
+
+@pytest.mark.parametrize("bad", [np.zeros((0, 5), np.uint8), None, np.zeros((4, 4, 3), np.uint8)])
+def test_what_is_no_mask_is_refused_before_opencv_sees_it(bad):
+    """OpenCV ends the process on an empty picture."""
+    for clean in (close_gaps, keep_long, lambda m: keep_long(m, horizon_row=3.0)):
+        with pytest.raises(LanelibError, match="one channel"):
+            clean(bad)
 
 
 # --------------------------------------------------------------------------------------- the paint's ridge
@@ -259,9 +287,18 @@ def test_the_response_is_that_of_paint_and_of_nothing_else(paint, light):
     beside = cv2.dilate((truth > 0).astype(np.uint8), np.ones((9, 9), np.uint8)) == 0
     assert (z[near][beside[near]] > WEAK_Z).mean() < 0.02
     assert not z[:120].any() and z.dtype == np.float32 and z.shape == truth.shape
+    with pytest.raises(LanelibError, match="height of 0 m"):
+        paint_response(frame, horizon_row=120, camera_height_m=0)
     plain, _ = road(ASPHALT, lines=())
     plain[:, 250:] = (25, 25, 25)
     assert (paint_response(plain, horizon_row=120, camera_height_m=1.25)[160:, 235:265] > WEAK_Z).mean() < 0.02
+
+
+def test_the_response_sees_yellow_no_brighter_than_the_road():
+    grey = (150, 150, 150)
+    frame, truth = road(grey, (80, 185, 185))  # the mean of blue, green and red is the road's
+    z = paint_response(frame, horizon_row=120, camera_height_m=1.25)[160:]
+    assert np.median(z[truth[160:] == 2]) > STRONG_Z
 
 
 def test_the_horizon_and_slope_describe_the_camera():
@@ -310,6 +347,13 @@ def test_short_pieces_are_dropped_in_proportion_to_their_distance():
     assert kept[131, 11]
     assert not kept[:, 40:43].any()
     assert (kept[:, 70:73] == mask[:, 70:73]).all()
+    # 13 rows to row 254: by the lowest row 13.4 are needed, by the topmost 12.2
+    mask = np.zeros((300, 100), np.uint8)
+    mask[242:255, 10:13] = 255
+    assert not keep_long(mask, horizon_row=120).any()
+    mask[:] = 0
+    mask[122:124, 10:13] = 255  # two rows: far away the lens blurs anything to three
+    assert not keep_long(mask, horizon_row=120).any()
 
 
 @settings(max_examples=40, deadline=None)
