@@ -283,24 +283,32 @@ class Limits:
 
 @dataclass(frozen=True)
 class Check:
-    """One sanity check: its name, what was found, what was allowed, and the outcome."""
+    """One sanity check: its name, what was found, what was allowed, and the outcome. ``words`` say the finding, with a
+    place for the value, in a sentence about the lane."""
 
     name: str
     value: float
     limit: str
     ok: bool
+    words: str = "it has {:.4g}"
+
+    @property
+    def reason(self) -> str:
+        """What was found and what is allowed, as the end of a sentence that begins with the lane."""
+        return f"{self.words.format(self.value)}, allowed {self.limit}"
 
     def __repr__(self):
-        return f"{'ok  ' if self.ok else 'FAIL'} {self.name}: {self.value:.4g} ({self.limit})"
+        return f"{'ok  ' if self.ok else 'FAIL'} {self.name}: {self.reason}"
 
 
 def check_size(width_m: float, curvature_1pm: float, *, limits: Limits = Limits()) -> tuple[Check, Check]:
     """Whether a road can have lanes of this width, and bends this sharp."""
     low, high = limits.width_m
     tightest = 1 / max(abs(curvature_1pm), 1e-9)
+    wide, sharp = low <= width_m <= high, tightest >= limits.radius_m
     return (
-        Check("width", width_m, f"{low}-{high} m", low <= width_m <= high),
-        Check("radius", tightest, f"at least {limits.radius_m} m", tightest >= limits.radius_m),
+        Check("width", width_m, f"{low}-{high} m", wide, "it is {:.4g} m wide"),
+        Check("radius", tightest, f"at least {limits.radius_m:g} m", sharp, "its radius is {:.4g} m"),
     )
 
 
@@ -318,26 +326,20 @@ def check_lane(lane: Lane, previous: Lane | None = None, *, limits: Limits = Lim
     ]
     bends = abs(at_centre[0] - at_centre[1])
     size, radius = check_size(width, lane.curvature_1pm, limits=limits)
+    most_change, most_bends, most_jump = limits.width_change_m, limits.curvature_difference_1pm, limits.jump_m
+    order = "its right line lies {:.4g} m to the right of its left one"
+    parallel, same_bend = "its width changes by {:.4g} m", "its lines' curvatures differ by {:.4g} 1/m"
     checks = [
-        Check("order", gap, "the left line stays left of the right one: more than 0 m apart", gap > 0),
+        Check("order", gap, "more than 0 m", gap > 0, order),
         size,
-        Check(
-            "parallel",
-            change,
-            f"width changes by at most {limits.width_change_m} m in {far:.0f} m",
-            change <= limits.width_change_m,
-        ),
-        Check(
-            "same bend",
-            bends,
-            f"both lines give the centre the same curvature within {limits.curvature_difference_1pm} 1/m",
-            bends <= limits.curvature_difference_1pm,
-        ),
+        Check("parallel", change, f"at most {most_change} m in {far:.0f} m", change <= most_change, parallel),
+        Check("same bend", bends, f"at most {most_bends} 1/m", bends <= most_bends, same_bend),
         radius,
     ]
     if previous is not None:
         jump = max(
             abs(float(a.x(5.0) - b.x(5.0))) for a, b in ((lane.left, previous.left), (lane.right, previous.right))
         )
-        checks.append(Check("no jump", jump, f"at most {limits.jump_m} m since the last frame", jump <= limits.jump_m))
+        words = "one of its lines moved by {:.4g} m since the last frame"
+        checks.append(Check("no jump", jump, f"at most {most_jump} m", jump <= most_jump, words))
     return tuple(checks)

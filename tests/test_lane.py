@@ -254,6 +254,27 @@ def test_each_check_fails_on_the_lane_that_breaks_it(name):
     assert all(("FAIL" in repr(c)) == (c.name in failed(checks)) for c in checks)
 
 
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("order", "its right line lies -3.6 m to the right of its left one, allowed more than 0 m"),
+        ("width", "it is 5.2 m wide, allowed 2.6-4.6 m"),
+        ("parallel", "its width changes by 0.8 m, allowed at most 0.6 m in 20 m"),
+        ("same bend", "its lines' curvatures differ by 0.007886 1/m, allowed at most 0.004 1/m"),
+        ("radius", "its radius is 11.73 m, allowed at least 15 m"),
+    ],
+)
+def test_a_failed_check_gives_its_reason_in_words(name, reason):
+    check = next(c for c in check_lane(BROKEN[name]) if c.name == name)
+    assert check.reason == reason and repr(check) == f"FAIL {name}: {reason}"
+
+
+def test_a_value_is_told_from_the_limit_that_it_fails():
+    lane = Lane(Line([0, 0, -1.8], (4, 30)), Line([0, 0.030014, 1.8], (4, 30)))
+    parallel = next(c for c in check_lane(lane) if c.name == "parallel")
+    assert not parallel.ok and "0.6002 m, allowed at most 0.6 m" in parallel.reason
+
+
 @pytest.mark.parametrize("radius_m", [27, -27, 18])
 def test_the_lines_of_a_hairpin_bend_differently_and_are_parallel(radius_m):
     """Concentric circles: the inner line's curvature is 1 / (R - w / 2), the outer one's 1 / (R + w / 2)."""
@@ -280,6 +301,8 @@ def test_a_jump_of_either_line_is_seen(side):
         Line(before.right.coefficients + [0, 0, moved["right"]], (4, 30)),
     )
     assert failed(check_lane(now, before)) == {"no jump"}
+    reason = "one of its lines moved by 0.55 m since the last frame, allowed at most 0.5 m"
+    assert check_lane(now, before)[-1].reason == reason
     assert not failed(check_lane(now))  # on its own the lane is a good one
     assert not failed(check_lane(now, before, limits=Limits(jump_m=0.6)))
 
