@@ -18,7 +18,11 @@ from typing import Literal, final
 
 import numpy as np
 
+from lanelib.errors import LanelibError
+
 STRAIGHT_1PM = 1e-4  # curvatures below this (radius above 10 km) are called straight
+PAINT_M = 0.05  # how well paint can be located
+ITERATIONS = 8  # of the robust fit; after five the line moves by less than 0.001 of its standard deviation
 
 
 def radius_of(curvature_1pm: float) -> float:
@@ -111,28 +115,29 @@ class NoLine:
         return False
 
 
-def fit_line(
-    x_m,
-    y_m,
-    weights=None,
-    *,
-    order: int = 2,
-    robust: bool = True,
-    scale_m: float = 0.05,
-    iterations: int = 8,
-    support: float | None = None,
-) -> Line | NoLine:
+def fit_line(x_m, y_m, weights=None, *, order: int = 2, robust: bool = True) -> Line | NoLine:
     """Weighted least-squares polynomial through points (N,), in metres; robust to outliers.
 
-    Robust: iteratively reweighted with Tukey's biweight, w(r) = (1 - (r / c)^2)^2 for |r| < c, else 0 (Beaton and
-    Tukey 1974); c = 4.685 s with s the larger of ``scale_m`` (how well paint can be located) and 1.48 times the
-    median residual. The first pass is a Theil-Sen-like start: the best of fits through random triples, so that up to
-    half of the points may lie. The covariance is (J' W J)^-1 times the residual variance. Points that do not
-    determine the polynomial give ``NoLine``.
+    ``weights``: how much a point counts, 1 / variance up to a common factor; points with a weight of 0 or less, or with
+    a number that is not finite, are left out. Robust: iteratively reweighted with Tukey's biweight,
+    b(r) = (1 - (r / c)^2)^2 for |r| < c, else 0 (Beaton and Tukey 1974); c = 4.685 s with s the larger of ``PAINT_M``
+    and 1.48 times the median residual. The first pass is a Theil-Sen-like start: the best of fits through random
+    triples, so that up to half of the points may lie.
+
+    The covariance is (J' W J)^-1 s^2 with W = w b and s^2 = sum(w r^2) / (n - p), over the n points with b > 0, for p
+    coefficients (Draper and Smith, "Applied Regression Analysis", 3rd ed., sec. 9.2; without ``robust`` b = 1). Where
+    n = p nothing is left to tell how points scatter, and they are taken to do so by ``PAINT_M``. It holds for points
+    with errors of their own; pixels of one dash share theirs. Points that do not determine the polynomial give
+    ``NoLine``.
     """
     x, y = np.asarray(x_m, float).ravel(), np.asarray(y_m, float).ravel()
     w = np.ones(len(x)) if weights is None else np.asarray(weights, float).ravel()
-    good = np.isfinite(x) & np.isfinite(y) & (w > 0)
+    if not len(x) == len(y) == len(w) or order < 0:
+        raise LanelibError(
+            "a line is fitted to as many x as y and weights, by a polynomial of order 0 or more; "
+            f"found {len(x)}, {len(y)} and {len(w)}, order {order}"
+        )
+    good = np.isfinite(x) & np.isfinite(y) & np.isfinite(w) & (w > 0)
     x, y, w = x[good], y[good], w[good]
     if len(np.unique(y)) <= order:
         return NoLine(
@@ -151,12 +156,12 @@ def fit_line(
         best, best_cost = solve(w)[1], math.inf
         picks = [rng.choice(len(x), min(len(x), order + 1), replace=False, p=w / w.sum()) for _ in range(40)]
         for candidate in [best] + [np.linalg.lstsq(design[p], x[p], rcond=1e-9)[0] for p in picks]:
-            cost = float(np.sum(w * np.minimum(np.abs(x - design @ candidate), 4 * scale_m)))
+            cost = float(np.sum(w * np.minimum(np.abs(x - design @ candidate), 4 * PAINT_M)))
             if cost < best_cost:
                 best, best_cost = candidate, cost
-        for _ in range(iterations):
+        for _ in range(ITERATIONS):
             residual = x - design @ best
-            spread = max(scale_m, 1.4826 * float(np.median(np.abs(residual))))
+            spread = max(PAINT_M, 1.4826 * float(np.median(np.abs(residual))))
             weight = w * np.clip(1 - (residual / (4.685 * spread)) ** 2, 0, None) ** 2
             if np.count_nonzero(weight) <= order:
                 return NoLine("fewer points agree with each other than a line needs")
@@ -164,16 +169,16 @@ def fit_line(
     normal, coefficients = solve(weight)
     if np.linalg.cond(normal) > 1e12:
         return NoLine("the points lie too close together to tell a line")
-    freedom = max(float(weight.sum() / weight.max()) - order - 1, 1.0)
-    variance = max(float(np.sum(weight * (x - design @ coefficients) ** 2) / weight.sum()), 1e-12)
-    unscale = 1 / length ** np.arange(order, -1, -1)
-    covariance = np.linalg.inv(normal / weight.max()) * variance * (len(x) / freedom if freedom > 1 else 1.0)
     used = weight > 0
+    spare = np.count_nonzero(used) - order - 1
+    squares = float(np.sum((w * (x - design @ coefficients) ** 2)[used]))
+    variance = max(squares / spare, 1e-12) if spare else PAINT_M**2 * float(w[used].mean())
+    unscale = 1 / length ** np.arange(order, -1, -1)
     return Line(
         coefficients * unscale,
         (float(y[used].min()), float(y[used].max())),
-        covariance * np.outer(unscale, unscale),
-        float(w[used].sum()) if support is None else support,
+        np.linalg.inv(normal) * variance * np.outer(unscale, unscale),
+        float(w[used].sum()),
     )
 
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from roads import camera_from_road
 
 from lanelib.birdseye import Grid
+from lanelib.errors import LanelibError
 from lanelib.lane import Lane, Limits, Line, NoLine, Surface, check_lane, fit_line, radius_of
 from lanelib.windows import pixel_coefficients
 
@@ -86,6 +87,48 @@ def test_the_covariance_is_the_scatter_of_repeated_measurements(robust):
         np.testing.assert_allclose(np.sqrt(np.diag(lines[0].covariance)), np.sqrt(np.diag(numpys)), rtol=0.35)
 
 
+WEIGHTS = {
+    "a ramp": np.linspace(0.05, 1, 60),
+    "one of 15": np.r_[np.ones(30), 15, np.ones(29)],
+    "one of 100": np.r_[np.ones(30), 100, np.ones(29)],
+    "four points": np.array([1.0, 2, 3, 1]),
+    "three points": np.array([1.0, 2, 1]),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "robust"), [(name, robust) for name, w in WEIGHTS.items() for robust in (False, True)[: 1 + (len(w) > 9)]]
+)
+def test_the_covariance_is_that_of_noise_as_the_weights_say(name, robust):
+    """Each point scatters by 5 cm / sqrt(weight), where 5 cm are those of the mean weight; the mean of all that the fits
+    say is their scatter. Three points leave nothing to judge the noise by, and four points almost nothing."""
+    w = WEIGHTS[name]
+    rng, y, at = np.random.default_rng(1), np.linspace(4, 35, len(w)), np.array([0.0, 10.0, 30.0])
+    truth, sigma = np.polyval([0.0012, -0.01, 1.8], y), 0.05 * np.sqrt(w.mean() / w)
+    lines = [fit_line(truth + rng.normal(0, sigma), y, w, robust=robust) for _ in range(300)]
+    scatter = np.std([line.x(at) for line in lines], axis=0)
+    said = np.sqrt(np.mean([line.std_x_m(at) ** 2 for line in lines], axis=0))
+    np.testing.assert_allclose(said, scatter, rtol=0.2)
+
+
+def test_a_common_factor_of_the_weights_says_nothing():
+    rng = np.random.default_rng(2)
+    y, w = np.linspace(4, 35, 40), rng.uniform(0.2, 1, 40)
+    for n in (40, 3):
+        x = rng.normal(0, 0.05, n)
+        one, other = (fit_line(x, y[:n], w[:n] * factor, robust=False) for factor in (1, 255))
+        np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "weights", "order"),
+    [([1, 2, 3], [1, 2], None, 1), ([1, 2, 3], [1, 2, 3], [1, 1], 1), ([1, 2, 3], [1, 2, 3], None, -1)],
+)
+def test_what_is_no_set_of_points_is_refused(x, y, weights, order):
+    with pytest.raises(LanelibError, match="as many x as y and weights"):
+        fit_line(x, y, weights, order=order)
+
+
 @pytest.mark.parametrize(
     ("x", "y"),
     [
@@ -115,7 +158,9 @@ def test_bad_points_are_left_out():
     x = np.polyval([0.001, 0, 1.5], y)
     x[3], spoiled = np.nan, y.copy()
     spoiled[7] = np.inf
-    np.testing.assert_allclose(fit_line(x, spoiled).coefficients, [0.001, 0, 1.5], atol=1e-9)
+    weights = np.ones(30)
+    x[20], weights[20:22] = 9.0, (np.inf, np.nan)
+    np.testing.assert_allclose(fit_line(x, spoiled, weights).coefficients, [0.001, 0, 1.5], atol=1e-9)
 
 
 # ---------------------------------------------------------------------------------------------- curvature
