@@ -274,6 +274,9 @@ class Lane:
 
 
 # ---------------------------------------------------------------------------------------------- sanity checks
+JUMP_AT_M = 5.0  # where cameras begin to see the road: nearer, a jump is one of the prolongation
+
+
 @dataclass(frozen=True)
 class Limits:
     """What a lane may look like. Sources beside the numbers."""
@@ -283,7 +286,8 @@ class Limits:
     width_change_m: float = 0.6  # between the car and 20 m ahead; more means that one line is another thing
     curvature_difference_1pm: float = 0.004  # between what the two lines say of the lane's centre at the car
     radius_m: float = 15.0  # the tightest hairpin a car drives
-    jump_m: float = 0.5  # of either line at the car between frames; 1.5 m/s sideways at 25 frames a second is 0.06 m
+    # of either line between frames, ``JUMP_AT_M`` ahead; 1.5 m/s sideways at 25 frames a second is 0.06 m
+    jump_m: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -343,8 +347,9 @@ def check_lane(lane: Lane, previous: Lane | None = None, *, limits: Limits = Lim
     ]
     if previous is not None:
         jump = max(
-            abs(float(a.x(5.0) - b.x(5.0))) for a, b in ((lane.left, previous.left), (lane.right, previous.right))
+            abs(float(a.x(JUMP_AT_M) - b.x(JUMP_AT_M)))
+            for a, b in ((lane.left, previous.left), (lane.right, previous.right))
         )
-        words = "one of its lines moved by {:.4g} m since the last frame"
+        words = f"{JUMP_AT_M:g} m ahead one of its lines moved by {{:.4g}} m since the last frame"
         checks.append(Check("no jump", jump, f"at most {most_jump} m", jump <= most_jump, words))
     return tuple(checks)

@@ -100,8 +100,8 @@ WEIGHTS = {
     ("name", "robust"), [(name, robust) for name, w in WEIGHTS.items() for robust in (False, True)[: 1 + (len(w) > 9)]]
 )
 def test_the_covariance_is_that_of_noise_as_the_weights_say(name, robust):
-    """Each point scatters by 5 cm / sqrt(weight), where 5 cm are those of the mean weight; the mean of all that the fits
-    say is their scatter. Three points leave nothing to judge the noise by, and four points almost nothing."""
+    """Each point scatters by 5 cm / sqrt(weight), where 5 cm are those of the mean weight; the mean of all that the
+    fits say is their scatter. Three points leave nothing to judge the noise by, and four points almost nothing."""
     w = WEIGHTS[name]
     rng, y, at = np.random.default_rng(1), np.linspace(4, 35, len(w)), np.array([0.0, 10.0, 30.0])
     truth, sigma = np.polyval([0.0012, -0.01, 1.8], y), 0.05 * np.sqrt(w.mean() / w)
@@ -299,6 +299,18 @@ def test_each_check_fails_on_the_lane_that_breaks_it(name):
     assert all(("FAIL" in repr(c)) == (c.name in failed(checks)) for c in checks)
 
 
+def test_a_jump_is_looked_for_where_the_lines_are_seen():
+    """A lane that turns about the point 5 m ahead has moved at the car, where no camera sees it, but not there."""
+    before = lane_of()
+    turned = [Line(line.coefficients + [0, 0.12, -0.6], (4, 30)) for line in (before.left, before.right)]
+    jump = check_lane(Lane(*turned), before)[-1]
+    assert jump.ok and jump.value == pytest.approx(0, abs=1e-12)
+    further = [Line(line.coefficients + [0, 0.12, 0.0], (4, 30)) for line in (before.left, before.right)]
+    jump = check_lane(Lane(*further), before)[-1]
+    assert not jump.ok and jump.value == pytest.approx(0.6)
+    assert "5 m ahead" in jump.reason
+
+
 @pytest.mark.parametrize(
     ("name", "reason"),
     [
@@ -346,7 +358,7 @@ def test_a_jump_of_either_line_is_seen(side):
         Line(before.right.coefficients + [0, 0, moved["right"]], (4, 30)),
     )
     assert failed(check_lane(now, before)) == {"no jump"}
-    reason = "one of its lines moved by 0.55 m since the last frame, allowed at most 0.5 m"
+    reason = "5 m ahead one of its lines moved by 0.55 m since the last frame, allowed at most 0.5 m"
     assert check_lane(now, before)[-1].reason == reason
     assert not failed(check_lane(now))  # on its own the lane is a good one
     assert not failed(check_lane(now, before, limits=Limits(jump_m=0.6)))
