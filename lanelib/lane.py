@@ -55,7 +55,9 @@ class Line:
     support: float = 0.0
 
     def __post_init__(self):
-        object.__setattr__(self, "coefficients", np.asarray(self.coefficients, float))
+        coefficients = np.array(self.coefficients, float)  # its own: x(y) is worked out from a list made once
+        coefficients.setflags(write=False)
+        object.__setattr__(self, "coefficients", coefficients)
 
     @cached_property
     def _derivatives(self) -> tuple[list[float], list[float], list[float]]:
@@ -199,11 +201,13 @@ class Surface:
     bend_1pm: float = 0.0
 
     def flat_from_road(self, points_m: np.ndarray, *, known_to_m: float = math.inf) -> np.ndarray:
-        """Points (N, 2) of the real road to where they appear on the rig's flat plane; NaN beyond its horizon.
+        """Points (N, 2) of the real road to where they appear on the rig's flat plane; NaN beyond its horizon and
+        from the camera backwards.
 
         Beyond ``known_to_m`` the hill is not continued: the sight line keeps the slope it has there.
         """
         x, y = np.asarray(points_m, float).reshape(-1, 2).T
+        y = np.where(y > 0, y, np.nan)
         inverse = 1 / y - (self.pitch_rad + 0.5 * self.bend_1pm * np.minimum(y, known_to_m)) / self.height_m
         y0 = 1 / np.where(inverse > 1e-4, inverse, np.nan)
         return np.column_stack([x / y * y0, y0])

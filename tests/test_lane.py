@@ -253,6 +253,15 @@ def test_the_range_of_a_lane_is_that_of_both_lines():
     assert Lane(Line([0, 0, -2], (8, 50)), Line([0, 0, 2], (7, 44))).y_range_m == (7, 50)
 
 
+def test_a_line_cannot_be_changed_from_outside():
+    coefficients = np.array([0.001, 0.1, 1.8])
+    line = Line(coefficients)
+    coefficients[2] = 5
+    assert line.x(0.0) == 1.8 and line.coefficients[2] == 1.8
+    with pytest.raises(ValueError, match="read-only"):
+        line.coefficients[2] = 5
+
+
 def test_a_line_without_a_covariance_has_no_standard_deviation():
     assert np.isnan(Line([0, 0, 1]).std_x_m(3.0))
     covariance = np.diag([0, 0.01**2, 0.03**2])
@@ -398,3 +407,23 @@ def test_a_flat_surface_changes_nothing_and_a_crest_hides_the_road():
     assert np.isfinite(beyond).all()  # a crest falls away: its road is seen nearer, never beyond the horizon
     dip = Surface(1.2, bend_1pm=1 / 500).flat_from_road([[0.0, 20.0], [0.0, 60.0]])
     assert np.isfinite(dip[0]).all() and np.isnan(dip[1]).all()  # rising above the plane's horizon
+
+
+def test_the_road_below_the_camera_and_behind_it_is_not_seen():
+    seen = Surface(1.2, 0.01).flat_from_road([[1.0, 0.0], [1.0, -5.0], [1.0, np.nan], [1.0, 8.0]])
+    assert np.isfinite(seen).all(axis=1).tolist() == [False, False, False, True]
+
+
+@pytest.mark.parametrize("bend_1pm", [-1 / 1500, 1 / 1500])
+def test_a_hill_is_not_continued_beyond_where_it_is_known(bend_1pm):
+    """Up to there nothing changes; beyond, the road goes on with the slope of the line of sight to its farthest point:
+    that is bend y / 2, and the road beyond lies bend known / 2 * y high instead of bend y^2 / 2."""
+    height, known = 1.3, 25.0
+    points = np.array([[1.5, 10.0], [1.5, 25.0], [1.5, 40.0], [-2.0, 60.0]])
+    hill = Surface(height, 0.004, bend_1pm)
+    seen = hill.flat_from_road(points, known_to_m=known)
+    np.testing.assert_allclose(seen[:2], hill.flat_from_road(points[:2]))
+    assert not np.allclose(seen[2:], hill.flat_from_road(points[2:]), equal_nan=True)
+    for (x, y), (x0, y0) in zip(points[2:], seen[2:], strict=True):
+        below = (height - bend_1pm * known / 2 * y) / y - 0.004  # tangent of the angle below the rig's horizon
+        assert (x0, y0) == pytest.approx((x / y * height / below, height / below))
