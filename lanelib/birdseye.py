@@ -20,13 +20,14 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from lanelib.camera import Camera
+from lanelib.camera import Camera, as_picture, as_points, as_size_wh
 from lanelib.errors import LanelibError
 
 # The classic trapezoid of the Udacity course, in fractions of a 1280x720 picture, and the rectangle it maps to.
 CLASSIC_SOURCE = np.array([(576, 454), (704, 454), (1088, 684), (192, 684)]) / (1280, 720)
 CLASSIC_TARGET = np.array([(320, 0), (960, 0), (960, 720), (320, 720)]) / (1280, 720)
 
+EQUAL_STEPS = 1e-3  # of a column; numbers in single precision differ by 1e-4 of 5 mm
 CAMERA_FROM_ROAD_AXES = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # x right; y down = -z up; z forward = y ahead
 
 
@@ -45,13 +46,19 @@ def rotation_from_angles(*, pitch_deg: float = 0.0, yaw_deg: float = 0.0, roll_d
 
 def map_points(homography: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Apply a (3, 3) homography to points (N, 2); NaN where a point lies on or beyond the horizon (w <= 0)."""
-    points = np.asarray(points, float).reshape(-1, 2)
-    xyw = points @ homography[:, :2].T + homography[:, 2]
+    xyw = as_points(points, 2) @ homography[:, :2].T + homography[:, 2]
     w = np.where(xyw[:, 2:] > 1e-12, xyw[:, 2:], np.nan)
     return xyw[:, :2] / w
 
 
-@dataclass(frozen=True)
+def _own(array) -> np.ndarray:
+    """A read-only copy, which nobody outside can change."""
+    array = np.array(array, float)
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, eq=False)
 class Grid:
     """Where a bird's-eye picture samples the road: column j at ``x_m[j]``, row i at ``y_m[i]``.
 
@@ -63,21 +70,26 @@ class Grid:
 
     def __post_init__(self):
         for name, sign in (("x_m", 1), ("y_m", -1)):
-            values = np.asarray(getattr(self, name), float)
+            try:
+                values = _own(getattr(self, name))
+                steps = sign * np.diff(values)
+                good = values.ndim == 1 and len(values) >= 2 and np.isfinite(values).all() and steps.min() > 0
+            except (TypeError, ValueError):
+                good = False
+            if not good:
+                order, found = ("ascending" if sign > 0 else "descending"), getattr(self, name)
+                raise LanelibError(f"a grid's {name} must be at least two finite {order} metres, found {found!r:.60}")
+            if name == "x_m" and np.ptp(steps) > EQUAL_STEPS * steps[0]:
+                raise LanelibError(
+                    f"a grid's x_m must ascend in equal steps, in metres, found steps of {steps.min():g} to "
+                    f"{steps.max():g}; only rows may be spaced by perspective"
+                )
             object.__setattr__(self, name, values)
-            if (
-                values.ndim != 1
-                or len(values) < 2
-                or not np.all(np.isfinite(values))
-                or np.any(sign * np.diff(values) <= 0)
-            ):
-                order = "ascending" if sign > 0 else "descending"
-                raise LanelibError(f"a grid's {name} must be at least two finite {order} metres, found {values!r:.60}")
 
     @classmethod
     def uniform(cls, *, x_range_m=(-6.0, 6.0), y_range_m=(3.0, 45.0), size_wh=(360, 720)) -> Grid:
         """Equal steps both ways: a map of the road, as it is shown to people."""
-        w, h = size_wh
+        w, h = as_size_wh(size_wh, "grid")
         dx, dy = (x_range_m[1] - x_range_m[0]) / w, (y_range_m[1] - y_range_m[0]) / h
         return cls(x_range_m[0] + dx * (np.arange(w) + 0.5), y_range_m[1] - dy * (np.arange(h) + 0.5))
 
@@ -117,7 +129,7 @@ class Grid:
         return (np.asarray(x_m, float) - self.x_m[0]) / self.column_m
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BirdsEye:
     """The road plane as one camera sees it.
 
@@ -131,15 +143,18 @@ class BirdsEye:
     grid: Grid = None  # type: ignore[assignment]  # None asks for the usual one, made below
 
     def __post_init__(self):
-        h = np.asarray(self.road_from_image, float)
+        try:
+            h = np.asarray(self.road_from_image, float)
+        except (TypeError, ValueError):
+            h = np.empty(0)
         good = h.shape == (3, 3) and np.all(np.isfinite(h)) and np.any(h)
         if not good or abs(np.linalg.det(h / np.abs(h).max())) < 1e-15:
             raise LanelibError("road_from_image must be a finite, invertible 3x3 matrix; make the rig again")
-        w, height = self.size_wh
+        w, height = as_size_wh(self.size_wh, "bird's-eye view")
         if h[2] @ (w / 2, 1.2 * height, 1) < 0:  # homographies have no sign: make the road side the positive one
             h = -h
-        object.__setattr__(self, "road_from_image", h)
-        object.__setattr__(self, "size_wh", (int(w), int(height)))
+        object.__setattr__(self, "road_from_image", _own(h))
+        object.__setattr__(self, "size_wh", (w, height))
         if self.grid is None:
             object.__setattr__(self, "grid", Grid.uniform())
 
@@ -162,7 +177,7 @@ class BirdsEye:
     @classmethod
     def from_points(cls, image_px, road_m, size_wh, grid=None) -> BirdsEye:
         """From four (or more) undistorted pixels (N, 2) and the metres (N, 2) on the road that they show."""
-        image_px, road_m = (np.asarray(p, float).reshape(-1, 2) for p in (image_px, road_m))
+        image_px, road_m = as_points(image_px, 2), as_points(road_m, 2)
         if len(image_px) < 4 or len(image_px) != len(road_m):
             raise LanelibError(
                 f"a homography needs at least 4 pairs of points, found {len(image_px)} and {len(road_m)}"
@@ -179,6 +194,9 @@ class BirdsEye:
         Kept for comparison: notebook 03 measures how far its 30 m are from the truth. The camera's own position is
         not known to it, so ``near_m`` says how far ahead of the camera its lower edge lies.
         """
+        size_wh = as_size_wh(size_wh, "bird's-eye view")
+        _check_length(lane_width_m, "lane_width_m")
+        _check_length(length_m, "length_m")
         target_width = CLASSIC_TARGET[1, 0] - CLASSIC_TARGET[0, 0]  # the lane is half the bird's-eye picture
         x = (CLASSIC_TARGET[:, 0] - CLASSIC_TARGET[:, 0].mean()) / target_width * lane_width_m
         y = near_m + (1 - CLASSIC_TARGET[:, 1]) * length_m
@@ -194,9 +212,11 @@ class BirdsEye:
         parallel to it. With the vanishing point at direction d (camera axes), d is the road's y axis; the lane's
         width then fixes the only number left, the height of the camera.
         """
-        lines = [
-            np.cross((*p[0], 1.0), (*p[1], 1.0)) for p in (np.asarray(left_px, float), np.asarray(right_px, float))
-        ]
+        _check_length(lane_width_m, "lane_width_m")
+        left_px, right_px = as_points(left_px, 2), as_points(right_px, 2)
+        if min(len(left_px), len(right_px)) < 2:
+            raise LanelibError(f"a line is given by two points, found {len(left_px)} and {len(right_px)}")
+        lines = [np.cross((*p[0], 1.0), (*p[1], 1.0)) for p in (left_px, right_px)]
         vanishing = np.cross(*lines)
         if abs(vanishing[2]) < 1e-9 * np.abs(vanishing).max():
             raise LanelibError(
@@ -220,7 +240,7 @@ class BirdsEye:
     def image_from_road(self) -> np.ndarray:
         """The inverse homography (3, 3): road metres to undistorted pixels, third coordinate positive ahead."""
         h = np.linalg.inv(self.road_from_image)
-        return h if h[2] @ (0, 20, 1) > 0 else -h
+        return _own(h if h[2] @ (0, 20, 1) > 0 else -h)
 
     def road_from_points(self, points_px) -> np.ndarray:
         """Undistorted pixels (N, 2) to metres on the road (N, 2); NaN on and above the horizon."""
@@ -271,18 +291,21 @@ class BirdsEye:
 
     def scaled(self, size_wh) -> BirdsEye:
         """The same view of another resolution of the same picture."""
+        size_wh = as_size_wh(size_wh, "bird's-eye view")
         sx, sy = size_wh[0] / self.size_wh[0], size_wh[1] / self.size_wh[1]
         # pixel centres at integers
         here = np.array([[1 / sx, 0, 0.5 / sx - 0.5], [0, 1 / sy, 0.5 / sy - 0.5], [0, 0, 1]])
-        return replace(self, road_from_image=self.road_from_image @ here, size_wh=tuple(size_wh))
+        return replace(self, road_from_image=self.road_from_image @ here, size_wh=size_wh)
 
     def parallelism(self, left_px, right_px) -> float:
         """How much wider (m) the lane gets over 30 m, between two undistorted lines (N, 2): 0 for straight
-        parallel lines."""
+        parallel lines, NaN where the road shows less than two points of one."""
         slopes = []
         for points in (left_px, right_px):
             x, y = self.road_from_points(points).T
             seen = np.isfinite(x)
+            if len(np.unique(y[seen])) < 2:
+                return math.nan
             slopes.append(np.polyfit(y[seen], x[seen], 1)[0])
         return float(30 * (slopes[1] - slopes[0]))
 
@@ -290,15 +313,17 @@ class BirdsEye:
     @cached_property
     def view_from_image(self) -> np.ndarray:
         """Homography (3, 3) from undistorted pixels to pixels of the bird's-eye picture."""
-        return np.linalg.inv(self.grid.road_from_pixel) @ self.road_from_image
+        return _own(np.linalg.inv(self.grid.road_from_pixel) @ self.road_from_image)
 
     def warp(self, undistorted, *, flags=cv2.INTER_LINEAR) -> np.ndarray:
         """Undistorted picture or mask to the bird's-eye picture of ``grid`` (black outside)."""
-        return cv2.warpPerspective(_picture(undistorted), self.view_from_image, self.grid.size_wh, flags=flags)
+        picture = as_picture(undistorted, self.size_wh, "warp", "use birdseye.scaled")
+        return cv2.warpPerspective(picture, self.view_from_image, self.grid.size_wh, flags=flags)
 
     def unwarp(self, view, *, flags=cv2.INTER_LINEAR) -> np.ndarray:
         """Bird's-eye picture back to the undistorted picture (black outside the grid)."""
-        return cv2.warpPerspective(_picture(view), np.linalg.inv(self.view_from_image), self.size_wh, flags=flags)
+        view = as_picture(view, self.grid.size_wh, "unwarp", "give a picture of its grid")
+        return cv2.warpPerspective(view, np.linalg.inv(self.view_from_image), self.size_wh, flags=flags)
 
     def table(self, camera: Camera, grid: Grid | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Fixed-point maps for ``cv2.remap`` straight from the frame as given to a bird's-eye picture of ``grid``.
@@ -313,11 +338,9 @@ class BirdsEye:
         return cv2.convertMaps(pixels[..., 0], pixels[..., 1], cv2.CV_16SC2)
 
 
-def _picture(picture: np.ndarray) -> np.ndarray:
-    if not isinstance(picture, np.ndarray) or picture.ndim not in (2, 3) or picture.size == 0:
-        found = f"shape {picture.shape}" if isinstance(picture, np.ndarray) else type(picture).__name__
-        raise LanelibError(f"a picture (H, W) or (H, W, 3) is needed, found {found}; give a whole frame or mask")
-    return picture
+def _check_length(metres, name: str) -> None:
+    if not 0 < metres < math.inf:
+        raise LanelibError(f"{name} must be positive metres, found {metres}")
 
 
 def angles_from_vanishing_point(camera_matrix, vanishing_px, *, roll_deg=0.0) -> tuple[float, float]:

@@ -21,6 +21,7 @@ from lanelib.pictures import read_text, write_bytes
 FORMAT = "lanelib-camera/1"
 INTRINSICS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 MAX_DISTORTION = 1e6  # folds the picture within a pixel of its centre; beyond, floating point overflows
+SAMPLED = (np.uint8, np.uint16, np.int16, np.float32, np.float64)  # what OpenCV interpolates
 ASPECT_TOLERANCE = 0.005  # 1281x721 is the camera of 1280x720 (0.06 %), a 4:3 picture of a 16:9 camera is a crop (33 %)
 
 
@@ -33,7 +34,7 @@ class Camera:
     camera_matrix : ndarray of shape (3, 3), float64, pixels: [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]; centres at integers
     distortion : ndarray of shape (5,), float64: k1, k2, p1, p2, k3
     size_wh : width and height of the pictures in pixels
-    rms_px : root-mean-square reprojection error of the calibration over all corners and both axes, where known
+    rms_px : root-mean-square reprojection error of the calibration, of each corner's distance (both axes), where known
     std : standard deviations of the intrinsics by name (fx, fy, cx, cy in pixels; k1, k2, p1, p2, k3), where known
 
     Raises
@@ -58,16 +59,9 @@ class Camera:
             raise LanelibError(
                 f"camera: need a camera_matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], found {_short(matrix.tolist())}"
             )
-        try:
-            size_wh = tuple(int(n) for n in self.size_wh)
-            valid = len(size_wh) == 2 and min(size_wh) > 0 and size_wh == tuple(self.size_wh)
-        except (TypeError, ValueError, OverflowError):
-            valid = False
-        if not valid:
-            raise LanelibError(f"camera: need size_wh as two whole numbers above 0, found {_short(self.size_wh)}")
         object.__setattr__(self, "camera_matrix", matrix)
         object.__setattr__(self, "distortion", distortion)
-        object.__setattr__(self, "size_wh", size_wh)
+        object.__setattr__(self, "size_wh", as_size_wh(self.size_wh, "camera"))
         if self.rms_px is not None:
             object.__setattr__(self, "rms_px", float(_numbers(self.rms_px, (), "rms_px")))
         if self.std is not None:
@@ -89,7 +83,7 @@ class Camera:
 
         The field of view reaches from the left edge of the first pixel to the right edge of the last.
         """
-        width, height = size_wh
+        width, height = as_size_wh(size_wh, "camera")
         if (hfov_deg is None) == (focal_px is None) or (hfov_deg is not None and not 0 < hfov_deg < 180):
             raise LanelibError(
                 f"camera: need either hfov_deg (between 0 and 180) or focal_px, found {hfov_deg} and {focal_px}"
@@ -110,14 +104,9 @@ class Camera:
 
         Raises
         ------
-        LanelibError : the frame has another size (use `scaled`)
+        LanelibError : the frame has another size (use `scaled`), or numbers that make no picture
         """
-        frame = np.asarray(frame)
-        if frame.ndim not in (2, 3) or frame.shape[1::-1] != self.size_wh:
-            width, height = self.size_wh
-            raise LanelibError(
-                f"undistort: need a frame of {width}x{height}, found an array of shape {frame.shape}; use camera.scaled"
-            )
+        frame = as_picture(np.asarray(frame), self.size_wh, "undistort", "use camera.scaled")
         if not self.distortion.any():
             return frame.copy()
         return cv2.remap(frame, *self._maps, cv2.INTER_LINEAR)
@@ -145,7 +134,7 @@ class Camera:
 
         NaN behind the camera and beyond the `fold_radius`.
         """
-        points_m = _points(points_m, 3)
+        points_m = as_points(points_m, 3)
         depth = np.where(points_m[:, 2] > 0, points_m[:, 2], np.nan)
         return self._pixels(distort(points_m[:, :2] / depth[:, None], self.distortion, r_max=self.fold_radius))
 
@@ -167,8 +156,9 @@ class Camera:
         LanelibError : the aspect ratio is another
         """
         width, height = self.size_wh
+        size_wh = as_size_wh(size_wh, "camera")
         sx, sy = size_wh[0] / width, size_wh[1] / height
-        if min(sx, sy) <= 0 or abs(sx / sy - 1) > ASPECT_TOLERANCE:
+        if abs(sx / sy - 1) > ASPECT_TOLERANCE:
             raise LanelibError(
                 f"camera: need pictures in the proportions of {width}x{height}, found {size_wh[0]}x{size_wh[1]}; "
                 "use pictures as the camera gives them, not cropped or stretched"
@@ -246,7 +236,7 @@ class Camera:
 
     def _normalised(self, points_px) -> np.ndarray:
         fx, fy, cx, cy = self._intrinsics
-        return (_points(points_px, 2) - (cx, cy)) / (fx, fy)
+        return (as_points(points_px, 2) - (cx, cy)) / (fx, fy)
 
     def _pixels(self, xy: np.ndarray) -> np.ndarray:
         fx, fy, cx, cy = self._intrinsics
@@ -273,8 +263,34 @@ def _short(value) -> str:
     return text if len(text) <= 80 else text[:77] + "..."
 
 
-def _points(points, n: int) -> np.ndarray:
-    array = np.asarray(points, dtype=np.float64)
+def as_points(points, n: int) -> np.ndarray:
+    """Points (N, n) as float64."""
+    try:
+        array = np.asarray(points, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise LanelibError(f"need points of shape (N, {n}), found {_short(points)}") from None
     if array.ndim != 2 or array.shape[1] != n:
-        raise LanelibError(f"camera: need points of shape (N, {n}), found {array.shape}")
+        raise LanelibError(f"need points of shape (N, {n}), found {array.shape}")
     return array
+
+
+def as_size_wh(size_wh, what: str) -> tuple[int, int]:
+    """Width and height as plain whole numbers above 0; ``what`` needs them."""
+    try:
+        width, height = size = tuple(int(n) for n in size_wh)
+        valid = min(size) > 0 and size == tuple(size_wh)
+    except (TypeError, ValueError, OverflowError):
+        valid = False
+    if not valid:
+        raise LanelibError(f"{what}: need size_wh as two whole numbers above 0, found {_short(size_wh)}")
+    return width, height
+
+
+def as_picture(picture, size_wh: tuple[int, int], what: str, cure: str) -> np.ndarray:
+    """The array itself, if it is a picture of that size which OpenCV can sample; ``what`` needs it."""
+    if not isinstance(picture, np.ndarray) or picture.ndim not in (2, 3) or picture.shape[1::-1] != size_wh:
+        found = f"an array of shape {picture.shape}" if isinstance(picture, np.ndarray) else type(picture).__name__
+        raise LanelibError(f"{what}: need a frame of {size_wh[0]}x{size_wh[1]}, found {found}; {cure}")
+    if picture.dtype not in SAMPLED:
+        raise LanelibError(f"{what}: need uint8 or another number that OpenCV takes, found {picture.dtype}; convert it")
+    return picture

@@ -111,7 +111,7 @@ def straightness_px(corners_px: np.ndarray, corners_wh: tuple[int, int]) -> floa
     squares, count = 0.0, 0
     for line in [*grid, *grid.transpose(1, 0, 2)]:
         # The smaller singular value of the centred points is the length of their distances from the best line.
-        squares += np.linalg.svd(line - line.mean(axis=0), compute_uv=False)[1] ** 2
+        squares += np.linalg.svd(line - line.mean(axis=0), compute_uv=False)[-1] ** 2
         count += len(line)
     return float(np.sqrt(squares / count))
 

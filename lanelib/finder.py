@@ -12,7 +12,6 @@ of the mask: the same measure of paint as in the first order, taken in the frame
 from __future__ import annotations
 
 import math
-import re
 import time
 from dataclasses import replace
 from functools import cache, partial
@@ -271,13 +270,8 @@ class LaneFinder:
 
 
 def implausible(checks: tuple[Check, ...]) -> str:
-    """The reason of a lane that failed one of its sanity checks: with as many digits as tell the value from the
-    limit."""
-    failed = next(c for c in checks if not c.ok)
-    limits = {float(number) for number in re.findall(r"\d+(?:\.\d+)?", failed.limit)}
-    texts = [f"{failed.value:.{digits}g}" for digits in range(3, 9)]
-    found = next((text for text in texts if float(text) not in limits), texts[-1])
-    return f"implausible lane: {failed.name} {found}, allowed {failed.limit}"
+    """The reason of a lane that failed one of its sanity checks."""
+    return f"implausible lane: {next(check for check in checks if not check.ok).reason}"
 
 
 def milliseconds_since(begin: float) -> float:

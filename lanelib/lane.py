@@ -18,7 +18,11 @@ from typing import Literal, final
 
 import numpy as np
 
+from lanelib.errors import LanelibError
+
 STRAIGHT_1PM = 1e-4  # curvatures below this (radius above 10 km) are called straight
+PAINT_M = 0.05  # how well paint can be located
+ITERATIONS = 8  # of the robust fit; after five the line moves by less than 0.001 of its standard deviation
 
 
 def radius_of(curvature_1pm: float) -> float:
@@ -51,7 +55,9 @@ class Line:
     support: float = 0.0
 
     def __post_init__(self):
-        object.__setattr__(self, "coefficients", np.asarray(self.coefficients, float))
+        coefficients = np.array(self.coefficients, float)  # its own: x(y) is worked out from a list made once
+        coefficients.setflags(write=False)
+        object.__setattr__(self, "coefficients", coefficients)
 
     @cached_property
     def _derivatives(self) -> tuple[list[float], list[float], list[float]]:
@@ -111,28 +117,29 @@ class NoLine:
         return False
 
 
-def fit_line(
-    x_m,
-    y_m,
-    weights=None,
-    *,
-    order: int = 2,
-    robust: bool = True,
-    scale_m: float = 0.05,
-    iterations: int = 8,
-    support: float | None = None,
-) -> Line | NoLine:
+def fit_line(x_m, y_m, weights=None, *, order: int = 2, robust: bool = True) -> Line | NoLine:
     """Weighted least-squares polynomial through points (N,), in metres; robust to outliers.
 
-    Robust: iteratively reweighted with Tukey's biweight, w(r) = (1 - (r / c)^2)^2 for |r| < c, else 0 (Beaton and
-    Tukey 1974); c = 4.685 s with s the larger of ``scale_m`` (how well paint can be located) and 1.48 times the
-    median residual. The first pass is a Theil-Sen-like start: the best of fits through random triples, so that up to
-    half of the points may lie. The covariance is (J' W J)^-1 times the residual variance. Points that do not
-    determine the polynomial give ``NoLine``.
+    ``weights``: how much a point counts, 1 / variance up to a common factor; points with a weight of 0 or less, or with
+    a number that is not finite, are left out. Robust: iteratively reweighted with Tukey's biweight,
+    b(r) = (1 - (r / c)^2)^2 for |r| < c, else 0 (Beaton and Tukey 1974); c = 4.685 s with s the larger of ``PAINT_M``
+    and 1.48 times the median residual. The first pass is a Theil-Sen-like start: the best of fits through random
+    triples, so that up to half of the points may lie.
+
+    The covariance is (J' W J)^-1 s^2 with W = w b and s^2 = sum(w r^2) / (n - p), over the n points with b > 0, for p
+    coefficients (Draper and Smith, "Applied Regression Analysis", 3rd ed., sec. 9.2; without ``robust`` b = 1). Where
+    n = p nothing is left to tell how points scatter, and they are taken to do so by ``PAINT_M``. It holds for points
+    with errors of their own; pixels of one dash share theirs. Points that do not determine the polynomial give
+    ``NoLine``.
     """
     x, y = np.asarray(x_m, float).ravel(), np.asarray(y_m, float).ravel()
     w = np.ones(len(x)) if weights is None else np.asarray(weights, float).ravel()
-    good = np.isfinite(x) & np.isfinite(y) & (w > 0)
+    if not len(x) == len(y) == len(w) or order < 0:
+        raise LanelibError(
+            "a line is fitted to as many x as y and weights, by a polynomial of order 0 or more; "
+            f"found {len(x)}, {len(y)} and {len(w)}, order {order}"
+        )
+    good = np.isfinite(x) & np.isfinite(y) & np.isfinite(w) & (w > 0)
     x, y, w = x[good], y[good], w[good]
     if len(np.unique(y)) <= order:
         return NoLine(
@@ -151,12 +158,12 @@ def fit_line(
         best, best_cost = solve(w)[1], math.inf
         picks = [rng.choice(len(x), min(len(x), order + 1), replace=False, p=w / w.sum()) for _ in range(40)]
         for candidate in [best] + [np.linalg.lstsq(design[p], x[p], rcond=1e-9)[0] for p in picks]:
-            cost = float(np.sum(w * np.minimum(np.abs(x - design @ candidate), 4 * scale_m)))
+            cost = float(np.sum(w * np.minimum(np.abs(x - design @ candidate), 4 * PAINT_M)))
             if cost < best_cost:
                 best, best_cost = candidate, cost
-        for _ in range(iterations):
+        for _ in range(ITERATIONS):
             residual = x - design @ best
-            spread = max(scale_m, 1.4826 * float(np.median(np.abs(residual))))
+            spread = max(PAINT_M, 1.4826 * float(np.median(np.abs(residual))))
             weight = w * np.clip(1 - (residual / (4.685 * spread)) ** 2, 0, None) ** 2
             if np.count_nonzero(weight) <= order:
                 return NoLine("fewer points agree with each other than a line needs")
@@ -164,16 +171,16 @@ def fit_line(
     normal, coefficients = solve(weight)
     if np.linalg.cond(normal) > 1e12:
         return NoLine("the points lie too close together to tell a line")
-    freedom = max(float(weight.sum() / weight.max()) - order - 1, 1.0)
-    variance = max(float(np.sum(weight * (x - design @ coefficients) ** 2) / weight.sum()), 1e-12)
-    unscale = 1 / length ** np.arange(order, -1, -1)
-    covariance = np.linalg.inv(normal / weight.max()) * variance * (len(x) / freedom if freedom > 1 else 1.0)
     used = weight > 0
+    spare = np.count_nonzero(used) - order - 1
+    squares = float(np.sum((w * (x - design @ coefficients) ** 2)[used]))
+    variance = max(squares / spare, 1e-12) if spare else PAINT_M**2 * float(w[used].mean())
+    unscale = 1 / length ** np.arange(order, -1, -1)
     return Line(
         coefficients * unscale,
         (float(y[used].min()), float(y[used].max())),
-        covariance * np.outer(unscale, unscale),
-        float(w[used].sum()) if support is None else support,
+        np.linalg.inv(normal) * variance * np.outer(unscale, unscale),
+        float(w[used].sum()),
     )
 
 
@@ -194,11 +201,13 @@ class Surface:
     bend_1pm: float = 0.0
 
     def flat_from_road(self, points_m: np.ndarray, *, known_to_m: float = math.inf) -> np.ndarray:
-        """Points (N, 2) of the real road to where they appear on the rig's flat plane; NaN beyond its horizon.
+        """Points (N, 2) of the real road to where they appear on the rig's flat plane; NaN beyond its horizon and
+        from the camera backwards.
 
         Beyond ``known_to_m`` the hill is not continued: the sight line keeps the slope it has there.
         """
         x, y = np.asarray(points_m, float).reshape(-1, 2).T
+        y = np.where(y > 0, y, np.nan)
         inverse = 1 / y - (self.pitch_rad + 0.5 * self.bend_1pm * np.minimum(y, known_to_m)) / self.height_m
         y0 = 1 / np.where(inverse > 1e-4, inverse, np.nan)
         return np.column_stack([x / y * y0, y0])
@@ -269,6 +278,9 @@ class Lane:
 
 
 # ---------------------------------------------------------------------------------------------- sanity checks
+JUMP_AT_M = 5.0  # where cameras begin to see the road: nearer, a jump is one of the prolongation
+
+
 @dataclass(frozen=True)
 class Limits:
     """What a lane may look like. Sources beside the numbers."""
@@ -278,29 +290,38 @@ class Limits:
     width_change_m: float = 0.6  # between the car and 20 m ahead; more means that one line is another thing
     curvature_difference_1pm: float = 0.004  # between what the two lines say of the lane's centre at the car
     radius_m: float = 15.0  # the tightest hairpin a car drives
-    jump_m: float = 0.5  # of either line at the car between frames; 1.5 m/s sideways at 25 frames a second is 0.06 m
+    # of either line between frames, ``JUMP_AT_M`` ahead; 1.5 m/s sideways at 25 frames a second is 0.06 m
+    jump_m: float = 0.5
 
 
 @dataclass(frozen=True)
 class Check:
-    """One sanity check: its name, what was found, what was allowed, and the outcome."""
+    """One sanity check: its name, what was found, what was allowed, and the outcome. ``words`` say the finding, with a
+    place for the value, in a sentence about the lane."""
 
     name: str
     value: float
     limit: str
     ok: bool
+    words: str = "it has {:.4g}"
+
+    @property
+    def reason(self) -> str:
+        """What was found and what is allowed, as the end of a sentence that begins with the lane."""
+        return f"{self.words.format(self.value)}, allowed {self.limit}"
 
     def __repr__(self):
-        return f"{'ok  ' if self.ok else 'FAIL'} {self.name}: {self.value:.4g} ({self.limit})"
+        return f"{'ok  ' if self.ok else 'FAIL'} {self.name}: {self.reason}"
 
 
 def check_size(width_m: float, curvature_1pm: float, *, limits: Limits = Limits()) -> tuple[Check, Check]:
     """Whether a road can have lanes of this width, and bends this sharp."""
     low, high = limits.width_m
     tightest = 1 / max(abs(curvature_1pm), 1e-9)
+    wide, sharp = low <= width_m <= high, tightest >= limits.radius_m
     return (
-        Check("width", width_m, f"{low}-{high} m", low <= width_m <= high),
-        Check("radius", tightest, f"at least {limits.radius_m} m", tightest >= limits.radius_m),
+        Check("width", width_m, f"{low}-{high} m", wide, "it is {:.4g} m wide"),
+        Check("radius", tightest, f"at least {limits.radius_m:g} m", sharp, "its radius is {:.4g} m"),
     )
 
 
@@ -318,26 +339,21 @@ def check_lane(lane: Lane, previous: Lane | None = None, *, limits: Limits = Lim
     ]
     bends = abs(at_centre[0] - at_centre[1])
     size, radius = check_size(width, lane.curvature_1pm, limits=limits)
+    most_change, most_bends, most_jump = limits.width_change_m, limits.curvature_difference_1pm, limits.jump_m
+    order = "its right line lies {:.4g} m to the right of its left one"
+    parallel, same_bend = "its width changes by {:.4g} m", "its lines' curvatures differ by {:.4g} 1/m"
     checks = [
-        Check("order", gap, "the left line stays left of the right one: more than 0 m apart", gap > 0),
+        Check("order", gap, "more than 0 m", gap > 0, order),
         size,
-        Check(
-            "parallel",
-            change,
-            f"width changes by at most {limits.width_change_m} m in {far:.0f} m",
-            change <= limits.width_change_m,
-        ),
-        Check(
-            "same bend",
-            bends,
-            f"both lines give the centre the same curvature within {limits.curvature_difference_1pm} 1/m",
-            bends <= limits.curvature_difference_1pm,
-        ),
+        Check("parallel", change, f"at most {most_change} m in {far:.0f} m", change <= most_change, parallel),
+        Check("same bend", bends, f"at most {most_bends} 1/m", bends <= most_bends, same_bend),
         radius,
     ]
     if previous is not None:
         jump = max(
-            abs(float(a.x(5.0) - b.x(5.0))) for a, b in ((lane.left, previous.left), (lane.right, previous.right))
+            abs(float(a.x(JUMP_AT_M) - b.x(JUMP_AT_M)))
+            for a, b in ((lane.left, previous.left), (lane.right, previous.right))
         )
-        checks.append(Check("no jump", jump, f"at most {limits.jump_m} m since the last frame", jump <= limits.jump_m))
+        words = f"{JUMP_AT_M:g} m ahead one of its lines moved by {{:.4g}} m since the last frame"
+        checks.append(Check("no jump", jump, f"at most {most_jump} m", jump <= most_jump, words))
     return tuple(checks)

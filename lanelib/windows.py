@@ -44,7 +44,7 @@ def fit_lines(pixels: LanePixels, grid: Grid) -> tuple[Line | NoLine, Line | NoL
     """One robust parabola a side, in metres."""
     lines = []
     for xy, weights in ((pixels.left_xy, pixels.left_weights), (pixels.right_xy, pixels.right_weights)):
-        step = max(1, len(xy) // 1500)  # a few hundred points settle three numbers
+        step = max(1, len(xy) // 1500)  # 1500 to 3000 points are more than settle three numbers
         x, y = grid.x_of(xy[::step, 0]), grid.y_m[xy[::step, 1].astype(int)] if len(xy) else np.empty(0)
         lines.append(fit_line(x, y, weights[::step]))
     return lines[0], lines[1]
@@ -54,19 +54,20 @@ def joint_state(
     left: Line, right: Line, pixels: LanePixels, grid: Grid, height_m: float, scan_y_m: np.ndarray
 ) -> JointFit:
     """Two separate lines as the joint fit's seven numbers: means of heading and bend; lines that drift apart are
-    pitch, x_right - x_left = width (1 + pitch y / height)."""
+    pitch, x_right - x_left = (x_right - x_left at the car) (1 + pitch y / height)."""
     (al, bl, cl), (ar, br, cr) = left.coefficients, right.coefficients
-    width, centre = cr - cl, (cl + cr) / 2
-    pitch = height_m * (br - bl) / max(width, 0.5)
+    apart, centre = cr - cl, (cl + cr) / 2  # along x
+    pitch = height_m * (br - bl) / max(apart, 0.5)
+    heading = (bl + br) / 2 - centre * pitch / height_m
+    across = 1 / np.sqrt(1 + heading**2)  # the width is measured across the lane
     mean = np.zeros(7)
-    mean[CENTRE], mean[WIDTH], mean[PITCH] = centre, width, pitch
-    mean[HEADING], mean[BEND] = (bl + br) / 2 - centre * pitch / height_m, (al + ar) / 2
+    mean[CENTRE], mean[WIDTH], mean[PITCH] = centre, apart * across, pitch
+    mean[HEADING], mean[BEND] = heading, (al + ar) / 2
     assert left.covariance is not None and right.covariance is not None
     variance = (np.diag(left.covariance) + np.diag(right.covariance)) / 4
     unknown = np.diag(UNKNOWN_ROAD.covariance)
-    covariance = np.diag(
-        [variance[2], variance[1], variance[0], unknown[RATE], 4 * variance[2], unknown[PITCH], unknown[HILL]]
-    )
+    width = 4 * variance[2] * across**2
+    covariance = np.diag([variance[2], variance[1], variance[0], unknown[RATE], width, unknown[PITCH], unknown[HILL]])
     edges = np.concatenate([[np.inf], (scan_y_m[1:] + scan_y_m[:-1]) / 2, [-np.inf]])[::-1]
     support = np.zeros((2, len(scan_y_m)))
     for i, xy in enumerate((pixels.left_xy, pixels.right_xy)):

@@ -146,6 +146,31 @@ def test_lines_that_are_no_lane():
         BirdsEye.from_straight_lines(CAMERA, [(400, 500), (400, 700)], [(800, 500), (800, 700)])
 
 
+@pytest.mark.parametrize("width", [0, -3.7, math.nan, math.inf])
+def test_widths_of_a_lane_that_cannot_be(width):
+    """A negative one would mirror the road and put it behind the car."""
+    lines = [(500, 500), (400, 700)], [(800, 500), (900, 700)]
+    with pytest.raises(LanelibError, match="lane_width_m must be positive"):
+        BirdsEye.from_straight_lines(CAMERA, *lines, lane_width_m=width)
+    with pytest.raises(LanelibError, match="lane_width_m must be positive"):
+        BirdsEye.classic((1280, 720), lane_width_m=width)
+    with pytest.raises(LanelibError, match="length_m must be positive"):
+        BirdsEye.classic((1280, 720), length_m=width)
+
+
+@pytest.mark.parametrize("points", [[(400, 500)], np.zeros((0, 2))])
+def test_a_line_needs_two_points(points):
+    for lines in ((points, [(800, 500), (900, 700)]), ([(500, 500), (400, 700)], points)):
+        with pytest.raises(LanelibError, match="two points"):
+            BirdsEye.from_straight_lines(CAMERA, *lines)
+
+
+def test_lines_that_the_road_does_not_show_have_no_parallelism():
+    view = BirdsEye.from_mounting(CAMERA, height_m=1.4, pitch_deg=2.0)
+    line, above = [(500, 500), (400, 700)], [(500, 100), (400, 200)]
+    assert math.isnan(view.parallelism(line, above)) and math.isnan(view.parallelism([(500, 500)], line))
+
+
 def test_parallelism_shows_a_wrong_pitch():
     truth = BirdsEye.from_mounting(CAMERA, height_m=1.4, pitch_deg=2.0)
     lines = [truth.points_from_road(np.column_stack([np.full(20, x), np.linspace(6, 30, 20)])) for x in (-1.8, 1.8)]
@@ -170,6 +195,59 @@ def test_sign_and_scale_of_the_matrix_do_not_matter():
 def test_bad_matrices_are_refused(matrix):
     with pytest.raises(LanelibError, match="invertible 3x3"):
         BirdsEye(matrix, (1280, 720))
+
+
+@pytest.mark.parametrize("matrix", [[[1, 2], [3]], None, "wide", [["a"] * 3] * 3])
+def test_what_is_no_matrix_is_refused(matrix):
+    with pytest.raises(LanelibError, match="invertible 3x3"):
+        BirdsEye(matrix, (1280, 720))
+
+
+NO_SIZES = [None, 5, (0, -3), (0, 0), (640,), (640.5, 360), "ab", (math.nan, 3)]
+
+
+@pytest.mark.parametrize("size_wh", NO_SIZES)
+def test_what_is_no_size_is_refused(size_wh):
+    view = BirdsEye.from_mounting(CAMERA, **MOUNTING)
+    for make in (
+        lambda: BirdsEye(view.road_from_image, size_wh),
+        lambda: view.scaled(size_wh),
+        lambda: BirdsEye.classic(size_wh),
+        lambda: Grid.uniform(size_wh=size_wh),
+    ):
+        with pytest.raises(LanelibError, match="two whole numbers above 0, found"):
+            make()
+
+
+def test_views_and_grids_are_their_own():
+    """What they were made of can be changed afterwards, they cannot; two of them are compared and kept in sets."""
+    x, h = np.array([0.0, 1, 2]), np.array(BirdsEye.from_mounting(CAMERA, **MOUNTING).road_from_image)
+    grid, view = Grid(x, [2, 1]), BirdsEye(h, (1280, 720))
+    before = view.points_from_road(ROAD_M)
+    x[0] = -9
+    h *= 0
+    assert grid.x_m[0] == 0 and np.array_equal(view.points_from_road(ROAD_M), before)
+    for array in (grid.x_m, grid.y_m, view.road_from_image, view.image_from_road, view.view_from_image):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1
+    assert grid == grid and grid != Grid(grid.x_m, grid.y_m) and len({grid, view, view}) == 2
+
+
+@pytest.mark.parametrize("points", [np.zeros((2, 3)), [1.0, 2.0], np.zeros((2, 2, 2)), [], [[1, 2], [3]], "here"])
+def test_points_of_another_shape_are_refused(points):
+    view = BirdsEye.from_mounting(CAMERA, **MOUNTING)
+    four = [(0, 5), (1, 5), (1, 9), (0, 9)]
+    for use in (
+        view.road_from_points,
+        view.points_from_road,
+        lambda points: view.parallelism(points, ROAD_M),
+        lambda points: BirdsEye.from_points(points, four, (1280, 720)),
+        lambda points: BirdsEye.from_points(four, points, (1280, 720)),
+        lambda points: BirdsEye.from_straight_lines(CAMERA, points, [(800, 500), (900, 700)]),
+    ):
+        with pytest.raises(LanelibError, match=r"points of shape \(N, 2\)"):
+            use(points)
+    assert view.road_from_points(np.zeros((0, 2))).shape == (0, 2)
 
 
 @pytest.mark.parametrize("height", [0, -1.2, math.nan])
@@ -223,7 +301,18 @@ def test_a_grid_with_rows_of_perspective_has_no_homography():
         _ = Grid(np.arange(5), 1 / np.arange(1, 6)).road_from_pixel
 
 
-@pytest.mark.parametrize("x, y", [([1, 0], [2, 1]), ([0, 1], [1, 2]), ([0], [2, 1]), ([0, 1], [2, math.nan])])
+@pytest.mark.parametrize(
+    "x, y",
+    [
+        ([1, 0], [2, 1]),
+        ([0, 1], [1, 2]),
+        ([0], [2, 1]),
+        ([0, 1], [2, math.nan]),
+        ([0, 1, 3], [2, 1]),  # columns of unequal steps: x_of and column_of would be wrong
+        ([[0, 1], [2]], [2, 1]),
+        (["a", "b"], [2, 1]),
+    ],
+)
 def test_bad_grids_are_refused(x, y):
     with pytest.raises(LanelibError, match="metres"):
         Grid(x, y)
@@ -249,6 +338,25 @@ def test_warp_shows_metres():
     assert np.abs(middle - 1.3).max() < 0.02  # a column is 0.025 m
     near = grid.y_m < 12  # further away the pixel by which OpenCV's polygons are too wide shows
     assert np.allclose((seen.sum(axis=1) / 255 * grid.column_m)[near], 0.5, atol=0.03)
+
+
+def test_pictures_of_another_size_or_kind_are_refused():
+    view = BirdsEye.from_mounting(CAMERA, **MOUNTING)
+    for picture in (np.full((360, 640), 255, np.uint8), np.zeros((1280, 720, 3), np.uint8)):
+        with pytest.raises(LanelibError, match=r"1280x720.*found an array of shape"):
+            view.warp(picture)
+        with pytest.raises(LanelibError, match=r"360x720.*found an array of shape"):
+            view.unwarp(picture)
+    for kind in (bool, np.int64, np.complex64):
+        with pytest.raises(LanelibError, match="uint8 or another number that OpenCV takes"):
+            view.warp(np.zeros((720, 1280), kind))
+        with pytest.raises(LanelibError, match="uint8 or another number that OpenCV takes"):
+            view.unwarp(np.zeros((720, 360), kind))
+    for picture in (None, [[0]], np.zeros((720, 1280, 3, 1), np.uint8), np.zeros(720, np.uint8)):
+        with pytest.raises(LanelibError, match="1280x720"):
+            view.warp(picture)
+    for kind in (np.uint8, np.float32, np.float64, np.uint16):
+        assert view.warp(np.ones((720, 1280), kind)).dtype == kind
 
 
 def test_unwarp_is_the_way_back():

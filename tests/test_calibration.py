@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from chessboards import CAMERA, POSES, bend_m, render
 
-from lanelib.calibration import BoardView, _fit_size, board_points, calibrate
+from lanelib.calibration import OUTLIER_FLOOR_PX, BoardView, _fit_size, board_points, calibrate
 from lanelib.camera import INTRINSICS, Camera
 from lanelib.chessboard import straightness_px
 from lanelib.errors import LanelibError
@@ -76,6 +76,13 @@ def test_the_size_of_the_squares_does_not_change_the_camera(pictures, calibratio
     other = calibrate(pictures, board_wh=(7, 5), square_m=1.7)
     np.testing.assert_allclose(intrinsics(other.camera)[:4], intrinsics(calibration.camera)[:4], rtol=1e-4)
     assert other.board_m[1, 0] == pytest.approx(1.7) and calibration.board_m[7, 1] == pytest.approx(0.031)
+
+
+def test_a_board_that_does_no_harm_is_no_outlier_however_good_the_others_are(pictures, calibration):
+    errors = [board.rms_px for board in calibration.boards if board.used]
+    assert 1.01 * np.median(errors) < max(errors) < OUTLIER_FLOOR_PX
+    strict = calibrate(pictures, board_wh=(7, 5), outlier_factor=1.01)
+    assert [board.used for board in strict.boards] == [board.used for board in calibration.boards]
 
 
 def test_undistorting_makes_rows_and_columns_straight(calibration):

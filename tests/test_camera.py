@@ -127,6 +127,22 @@ def test_undistort_refuses_other_sizes(shape):
         ODD.undistort(np.zeros(shape, np.uint8))
 
 
+@pytest.mark.parametrize("camera", [ODD, Camera.ideal((823, 467), hfov_deg=60)], ids=["lens", "no lens"])
+@pytest.mark.parametrize("kind", [bool, np.int64, np.complex64, object])
+def test_undistort_refuses_numbers_that_are_no_picture(camera, kind):
+    with pytest.raises(LanelibError, match="undistort: need uint8 or another number that OpenCV takes, found"):
+        camera.undistort(np.zeros((467, 823), kind))
+
+
+@pytest.mark.parametrize("size_wh", [None, 5, (640,), (640.5, 360), "ab", (0, 5), (-3, -3)])
+def test_what_is_no_size_is_refused(size_wh):
+    for make in (lambda: Camera.ideal(size_wh, hfov_deg=60), lambda: Camera.ideal(size_wh, focal_px=60)):
+        with pytest.raises(LanelibError, match="two whole numbers above 0, found"):
+            make()
+    with pytest.raises(LanelibError, match="two whole numbers above 0, found"):
+        ODD.scaled(size_wh)
+
+
 @pytest.mark.parametrize("scale", [0.5, 0.75, 3])
 def test_scaled_camera_sees_the_same_ray_at_the_same_place_of_the_picture(scale):
     camera = Camera(ODD.camera_matrix, ODD.distortion, (840, 480), 0.8, {"fx": 2.0, "cy": 1.0, "k1": 0.01})
@@ -153,6 +169,10 @@ def test_scaled_matches_a_picture_that_was_shrunk():
 def test_scaled_accepts_rounding_and_refuses_a_crop():
     camera = Camera.ideal((1280, 720), hfov_deg=58)
     assert camera.scaled((854, 480)).size_wh == (854, 480)
+    assert camera.scaled((2560, 1433)).size_wh == (2560, 1433)  # 0.5 % off
+    for size_wh in [(2560, 1425), (1267, 720)]:  # 1 % off: eleven rows are missing in 1080
+        with pytest.raises(LanelibError, match="not cropped or stretched"):
+            camera.scaled(size_wh)
     for size_wh in [(640, 480), (720, 1280), (0, 0), (-1280, -720)]:
         with pytest.raises(LanelibError):
             camera.scaled(size_wh)
@@ -246,6 +266,9 @@ def test_a_camera_cannot_be_changed_from_outside():
 
 
 def test_points_of_a_wrong_shape_are_refused_and_none_is_fine():
+    for no_points in ([[1, 2], [3]], "here", None):
+        with pytest.raises(LanelibError, match=r"\(N, 2\)"):
+            ODD.distort_points(no_points)
     with pytest.raises(LanelibError, match=r"\(N, 2\)"):
         ODD.distort_points([1, 2])
     with pytest.raises(LanelibError, match=r"\(N, 3\)"):

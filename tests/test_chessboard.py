@@ -153,3 +153,11 @@ def test_straightness_of_a_sheared_turned_grid_is_zero_and_of_a_bent_one_known(a
     centred = row - row.mean(axis=0)
     least = np.linalg.eigvalsh(centred.T @ centred)[0]  # sum of squared distances from the best line
     assert straightness_px(zigzag, (w, h)) == pytest.approx(np.sqrt(max(least, 0) * h / (2 * w * h)), abs=1e-5 * size)
+
+
+def test_one_row_of_corners_is_straight_or_not():
+    """Each of its columns is a single corner, which lies on its line."""
+    row = np.column_stack([np.arange(6.0), np.zeros(6)])
+    assert straightness_px(row, (6, 1)) == straightness_px(row, (1, 6)) == pytest.approx(0, abs=1e-12)
+    row[:, 1] = [1, -1, 0, 0, -1, 1]  # no slope, mean 0; the columns count as lines without error
+    assert straightness_px(row, (6, 1)) == pytest.approx(np.sqrt(4 / 12))

@@ -61,3 +61,16 @@ def test_what_the_lens_cannot_show_is_nan():
     farthest = r_max * (1 - 0.3 * r_max**2)
     back = undistort(np.array([[0.999 * farthest, 0], [1.001 * farthest, 0], [0, np.nan]]), lens, r_max=r_max)
     assert np.isfinite(back).all(axis=1).tolist() == [True, False, False] and back[0, 0] < r_max
+
+
+def test_a_ray_found_beyond_the_fold_is_none():
+    """With these terms the polynomial folds, comes back and grows again: Newton's method finds rays out there that the
+    lens does not show."""
+    lens = np.array([-0.4, 0.15, 0, 0, -0.03])
+    r_max = fold_radius(lens)
+    at = disc(1.5, 2000)
+    every, shown = undistort(at, lens), undistort(at, lens, r_max=r_max)
+    radius = np.hypot(*every.T)
+    beyond = np.isfinite(radius) & (radius >= r_max)
+    assert beyond.sum() > 100 and np.isnan(shown[beyond]).all()
+    assert (np.isfinite(shown).all(axis=1) == (radius < r_max)).all()

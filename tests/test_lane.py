@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from roads import camera_from_road
 
 from lanelib.birdseye import Grid
+from lanelib.errors import LanelibError
 from lanelib.lane import Lane, Limits, Line, NoLine, Surface, check_lane, fit_line, radius_of
 from lanelib.windows import pixel_coefficients
 
@@ -86,6 +87,48 @@ def test_the_covariance_is_the_scatter_of_repeated_measurements(robust):
         np.testing.assert_allclose(np.sqrt(np.diag(lines[0].covariance)), np.sqrt(np.diag(numpys)), rtol=0.35)
 
 
+WEIGHTS = {
+    "a ramp": np.linspace(0.05, 1, 60),
+    "one of 15": np.r_[np.ones(30), 15, np.ones(29)],
+    "one of 100": np.r_[np.ones(30), 100, np.ones(29)],
+    "four points": np.array([1.0, 2, 3, 1]),
+    "three points": np.array([1.0, 2, 1]),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "robust"), [(name, robust) for name, w in WEIGHTS.items() for robust in (False, True)[: 1 + (len(w) > 9)]]
+)
+def test_the_covariance_is_that_of_noise_as_the_weights_say(name, robust):
+    """Each point scatters by 5 cm / sqrt(weight), where 5 cm are those of the mean weight; the mean of all that the
+    fits say is their scatter. Three points leave nothing to judge the noise by, and four points almost nothing."""
+    w = WEIGHTS[name]
+    rng, y, at = np.random.default_rng(1), np.linspace(4, 35, len(w)), np.array([0.0, 10.0, 30.0])
+    truth, sigma = np.polyval([0.0012, -0.01, 1.8], y), 0.05 * np.sqrt(w.mean() / w)
+    lines = [fit_line(truth + rng.normal(0, sigma), y, w, robust=robust) for _ in range(300)]
+    scatter = np.std([line.x(at) for line in lines], axis=0)
+    said = np.sqrt(np.mean([line.std_x_m(at) ** 2 for line in lines], axis=0))
+    np.testing.assert_allclose(said, scatter, rtol=0.2)
+
+
+def test_a_common_factor_of_the_weights_says_nothing():
+    rng = np.random.default_rng(2)
+    y, w = np.linspace(4, 35, 40), rng.uniform(0.2, 1, 40)
+    for n in (40, 3):
+        x = rng.normal(0, 0.05, n)
+        one, other = (fit_line(x, y[:n], w[:n] * factor, robust=False) for factor in (1, 255))
+        np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "weights", "order"),
+    [([1, 2, 3], [1, 2], None, 1), ([1, 2, 3], [1, 2, 3], [1, 1], 1), ([1, 2, 3], [1, 2, 3], None, -1)],
+)
+def test_what_is_no_set_of_points_is_refused(x, y, weights, order):
+    with pytest.raises(LanelibError, match="as many x as y and weights"):
+        fit_line(x, y, weights, order=order)
+
+
 @pytest.mark.parametrize(
     ("x", "y"),
     [
@@ -115,7 +158,9 @@ def test_bad_points_are_left_out():
     x = np.polyval([0.001, 0, 1.5], y)
     x[3], spoiled = np.nan, y.copy()
     spoiled[7] = np.inf
-    np.testing.assert_allclose(fit_line(x, spoiled).coefficients, [0.001, 0, 1.5], atol=1e-9)
+    weights = np.ones(30)
+    x[20], weights[20:22] = 9.0, (np.inf, np.nan)
+    np.testing.assert_allclose(fit_line(x, spoiled, weights).coefficients, [0.001, 0, 1.5], atol=1e-9)
 
 
 # ---------------------------------------------------------------------------------------------- curvature
@@ -208,6 +253,15 @@ def test_the_range_of_a_lane_is_that_of_both_lines():
     assert Lane(Line([0, 0, -2], (8, 50)), Line([0, 0, 2], (7, 44))).y_range_m == (7, 50)
 
 
+def test_a_line_cannot_be_changed_from_outside():
+    coefficients = np.array([0.001, 0.1, 1.8])
+    line = Line(coefficients)
+    coefficients[2] = 5
+    assert line.x(0.0) == 1.8 and line.coefficients[2] == 1.8
+    with pytest.raises(ValueError, match="read-only"):
+        line.coefficients[2] = 5
+
+
 def test_a_line_without_a_covariance_has_no_standard_deviation():
     assert np.isnan(Line([0, 0, 1]).std_x_m(3.0))
     covariance = np.diag([0, 0.01**2, 0.03**2])
@@ -254,6 +308,39 @@ def test_each_check_fails_on_the_lane_that_breaks_it(name):
     assert all(("FAIL" in repr(c)) == (c.name in failed(checks)) for c in checks)
 
 
+def test_a_jump_is_looked_for_where_the_lines_are_seen():
+    """A lane that turns about the point 5 m ahead has moved at the car, where no camera sees it, but not there."""
+    before = lane_of()
+    turned = [Line(line.coefficients + [0, 0.12, -0.6], (4, 30)) for line in (before.left, before.right)]
+    jump = check_lane(Lane(*turned), before)[-1]
+    assert jump.ok and jump.value == pytest.approx(0, abs=1e-12)
+    further = [Line(line.coefficients + [0, 0.12, 0.0], (4, 30)) for line in (before.left, before.right)]
+    jump = check_lane(Lane(*further), before)[-1]
+    assert not jump.ok and jump.value == pytest.approx(0.6)
+    assert "5 m ahead" in jump.reason
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("order", "its right line lies -3.6 m to the right of its left one, allowed more than 0 m"),
+        ("width", "it is 5.2 m wide, allowed 2.6-4.6 m"),
+        ("parallel", "its width changes by 0.8 m, allowed at most 0.6 m in 20 m"),
+        ("same bend", "its lines' curvatures differ by 0.007886 1/m, allowed at most 0.004 1/m"),
+        ("radius", "its radius is 11.73 m, allowed at least 15 m"),
+    ],
+)
+def test_a_failed_check_gives_its_reason_in_words(name, reason):
+    check = next(c for c in check_lane(BROKEN[name]) if c.name == name)
+    assert check.reason == reason and repr(check) == f"FAIL {name}: {reason}"
+
+
+def test_a_value_is_told_from_the_limit_that_it_fails():
+    lane = Lane(Line([0, 0, -1.8], (4, 30)), Line([0, 0.030014, 1.8], (4, 30)))
+    parallel = next(c for c in check_lane(lane) if c.name == "parallel")
+    assert not parallel.ok and "0.6002 m, allowed at most 0.6 m" in parallel.reason
+
+
 @pytest.mark.parametrize("radius_m", [27, -27, 18])
 def test_the_lines_of_a_hairpin_bend_differently_and_are_parallel(radius_m):
     """Concentric circles: the inner line's curvature is 1 / (R - w / 2), the outer one's 1 / (R + w / 2)."""
@@ -280,6 +367,8 @@ def test_a_jump_of_either_line_is_seen(side):
         Line(before.right.coefficients + [0, 0, moved["right"]], (4, 30)),
     )
     assert failed(check_lane(now, before)) == {"no jump"}
+    reason = "5 m ahead one of its lines moved by 0.55 m since the last frame, allowed at most 0.5 m"
+    assert check_lane(now, before)[-1].reason == reason
     assert not failed(check_lane(now))  # on its own the lane is a good one
     assert not failed(check_lane(now, before, limits=Limits(jump_m=0.6)))
 
@@ -318,3 +407,23 @@ def test_a_flat_surface_changes_nothing_and_a_crest_hides_the_road():
     assert np.isfinite(beyond).all()  # a crest falls away: its road is seen nearer, never beyond the horizon
     dip = Surface(1.2, bend_1pm=1 / 500).flat_from_road([[0.0, 20.0], [0.0, 60.0]])
     assert np.isfinite(dip[0]).all() and np.isnan(dip[1]).all()  # rising above the plane's horizon
+
+
+def test_the_road_below_the_camera_and_behind_it_is_not_seen():
+    seen = Surface(1.2, 0.01).flat_from_road([[1.0, 0.0], [1.0, -5.0], [1.0, np.nan], [1.0, 8.0]])
+    assert np.isfinite(seen).all(axis=1).tolist() == [False, False, False, True]
+
+
+@pytest.mark.parametrize("bend_1pm", [-1 / 1500, 1 / 1500])
+def test_a_hill_is_not_continued_beyond_where_it_is_known(bend_1pm):
+    """Up to there nothing changes; beyond, the road goes on with the slope of the line of sight to its farthest point:
+    that is bend y / 2, and the road beyond lies bend known / 2 * y high instead of bend y^2 / 2."""
+    height, known = 1.3, 25.0
+    points = np.array([[1.5, 10.0], [1.5, 25.0], [1.5, 40.0], [-2.0, 60.0]])
+    hill = Surface(height, 0.004, bend_1pm)
+    seen = hill.flat_from_road(points, known_to_m=known)
+    np.testing.assert_allclose(seen[:2], hill.flat_from_road(points[:2]))
+    assert not np.allclose(seen[2:], hill.flat_from_road(points[2:]), equal_nan=True)
+    for (x, y), (x0, y0) in zip(points[2:], seen[2:], strict=True):
+        below = (height - bend_1pm * known / 2 * y) / y - 0.004  # tangent of the angle below the rig's horizon
+        assert (x0, y0) == pytest.approx((x / y * height / below, height / below))

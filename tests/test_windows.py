@@ -9,6 +9,7 @@ from roads import Lane7, paint_scan
 from lanelib.birdseye import Grid
 from lanelib.jointfit import BEND, CENTRE, HEADING, PITCH, WIDTH, line_x
 from lanelib.lane import Line
+from lanelib.search import LanePixels
 from lanelib.windows import find_pixels, fit_lines, joint_state, pixel_coefficients
 
 GRID = Grid.uniform(x_range_m=(-6, 6), y_range_m=(4, 40), size_wh=(480, 720))
@@ -95,3 +96,38 @@ def test_lines_that_drift_apart_become_pitch():
     pixels = find_pixels(mask_of(LANE), GRID)
     state = joint_state(*seen, pixels, GRID, h, SCAN_Y_M)
     assert state.mean[PITCH] == pytest.approx(pitch, rel=1e-6) and state.mean[WIDTH] == pytest.approx(3.6)
+
+
+@pytest.mark.parametrize("heading", [-0.4, 0.0, 0.2])
+def test_the_width_of_the_state_is_across_the_lane(heading):
+    """Two parallel lines 3.7 m apart, slanted: along x they are further apart. Back as lines they are the same."""
+    half = 3.7 / 2 / np.cos(np.arctan(heading))
+    lines = [Line([0.0, heading, 0.4 + s * half], (4, 40), np.eye(3) * 1e-4) for s in (-1, 1)]
+    state = joint_state(*lines, find_pixels(mask_of(LANE), GRID), GRID, 1.3, SCAN_Y_M)
+    assert state.mean[WIDTH] == pytest.approx(3.7) and state.mean[PITCH] == pytest.approx(0)
+    for side, line in zip((-1, 1), lines, strict=True):
+        assert line_x(10.0, state.mean, side) == pytest.approx(line.x(10.0))
+
+
+def test_a_nodding_camera_beside_its_lane_keeps_the_heading():
+    """Seen at height h under the pitch p, x + heading y appears as x + (heading + x p / h) y: the lane beside which the
+    car drives seems to turn."""
+    pitch, h, heading, centre = np.radians(0.6), 1.3, 0.02, -1.2
+    at_car = [centre + s * 1.8 * np.hypot(1, heading) for s in (-1, 1)]
+    seen = [Line([0.0, heading + x * pitch / h, x], (4, 40), np.eye(3) * 1e-4) for x in at_car]
+    state = joint_state(*seen, find_pixels(mask_of(LANE), GRID), GRID, h, SCAN_Y_M)
+    expected = [centre, heading, 0, 0, 3.6, pitch, 0]
+    np.testing.assert_allclose(state.mean, expected, atol=1e-9)
+
+
+def test_half_the_pixels_of_paint_are_half_the_support_at_every_distance():
+    """Two pixels a row, where four are paint: far rows of the scan span many rows of the view, near ones less than
+    one."""
+    rows = np.arange(720)
+    xy = np.column_stack([np.tile([100, 101], 720), np.repeat(rows, 2)])
+    pixels = LanePixels(xy, left_weights=np.ones(len(xy)))
+    lines = [Line([0.0, 0.0, s * 1.8], (4, 40), np.eye(3) * 1e-4) for s in (-1, 1)]
+    support = joint_state(*lines, pixels, GRID, 1.3, SCAN_Y_M).support
+    shown = (SCAN_Y_M < 39) & (SCAN_Y_M > 7)  # nearer than 7 m some rows of the scan fall between two of the view
+    assert np.abs(support[0, shown] - 0.5).max() < 0.2 and support[0, shown].mean() == pytest.approx(0.5, abs=0.02)
+    assert not support[1].any()
