@@ -56,10 +56,6 @@ class FlatRoadFinder(LaneFinder):
 
     def __init__(self, rig: Rig, **options):
         super().__init__(rig, **options)
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget what was seen so far."""
         self.tracker = FlatRoadTracker(smoothing=self.tracker.smoothing, fps=self.tracker.fps)
 
 

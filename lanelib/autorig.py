@@ -14,6 +14,7 @@ The focal length does not show in a straight lane. Dashes show it (``dashes``).
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,7 +33,7 @@ LANE_WIDTH_M = 3.7  # 12 ft, US motorways (AASHTO Green Book)
 # dashboard cameras, cropped to 16:9, look 50-70 degrees wide (phones along their longer side, however they are held);
 # only lengths along the road depend on it
 HFOV_DEG = 60.0
-STRAIGHT_1PM = 1 / 1500  # the lane leaves a straight line by 0.3 m in 30 m
+NEARLY_STRAIGHT_1PM = 1 / 1500  # the lane leaves a straight line by 0.3 m in 30 m
 CURVED_1PM = 1 / 150  # beyond, heading at the car and the bend trade places in the fit
 BOTH_LINES_ROWS = 4.0  # rows of paint on the weaker line, of 112: a dash near the car has 12, four dots 5, a speck 3
 # of a rig for one frame (see ``tried``): faint dots on concrete have 0.3, pictures upside down seldom more. For n
@@ -166,7 +167,7 @@ def search(frames: list[np.ndarray], camera: Camera, name: str) -> tuple[float, 
 def straight_of(fits: list[JointFit]) -> list[JointFit]:
     """The fits on straight road; where there is none, the straightest third of those in gentle curves."""
     found = sorted(fits, key=lambda fit: abs(fit.mean[BEND]))
-    straight = [fit for fit in found if abs(2 * fit.mean[BEND]) < STRAIGHT_1PM]
+    straight = [fit for fit in found if abs(2 * fit.mean[BEND]) < NEARLY_STRAIGHT_1PM]
     return straight or [fit for fit in found if abs(2 * fit.mean[BEND]) < CURVED_1PM][: math.ceil(len(found) / 3)]
 
 
@@ -209,7 +210,7 @@ def find_rig(
 
     Raises LanelibError where the frames do not allow it: no pair of lines, only curves, different sizes, no frame.
     """
-    frames, camera, assumed = _usable(frames_bgr, camera, lane_width_m, hfov_deg)
+    frames, camera, assumed = _usable(frames_bgr, camera, lane_width_m, hfov_deg, dash_period_m)
     some = frames[:: math.ceil(len(frames) / SEARCH_FRAMES)]
     value, rig = search(some, camera, name)
     if rig is None or value < MINIMUM_VALUE / len(some) ** 0.25:
@@ -222,8 +223,6 @@ def find_rig(
     dash = dash_period(rig, frames)
     focal_std = None if assumed or not camera.std else camera.std.get("fx")
     if dash_period_m is not None:
-        if not assumed:
-            raise LanelibError("a calibrated camera has its focal length, found a dash period too; give one of the two")
         _check_measured(dash)
         for _ in range(3):  # the fit's own noise shifts with the focal length: twice is enough, the third shows it
             camera = Camera.ideal(
@@ -248,14 +247,22 @@ def _check_measured(dash: DashPeriod) -> None:
         )
 
 
-def _usable(frames_bgr, camera, lane_width_m, hfov_deg) -> tuple[list[np.ndarray], Camera, bool]:
+def _usable(
+    frames_bgr, camera, lane_width_m, hfov_deg, dash_period_m
+) -> tuple[list[np.ndarray], Camera, bool]:
     """The frames (a clip thinned), the camera of their size, and whether it is only assumed; LanelibError for what
     cannot be used."""
+    if not isinstance(frames_bgr, Iterable):
+        raise LanelibError(f"a rig needs a picture or a list of them, found {type(frames_bgr).__name__}; give frames")
     frames = [frames_bgr] if isinstance(frames_bgr, np.ndarray) and frames_bgr.ndim < 4 else list(frames_bgr)
     if not frames:
         raise LanelibError("a rig needs at least one frame of straight road, found none; give a picture or a clip")
     if not 2 < lane_width_m < 6:
         raise LanelibError(f"a lane is 2 to 6 m wide, found {lane_width_m}; give its width in metres")
+    if dash_period_m is not None and camera is not None:
+        raise LanelibError("a calibrated camera has its focal length, found a dash period too; give one of the two")
+    if dash_period_m is not None and not 0 < dash_period_m < math.inf:
+        raise LanelibError(f"a period of dashes is above 0 m, found {dash_period_m}; measure a dash and its gap")
     every = np.unique(np.linspace(0, len(frames) - 1, min(len(frames), MAXIMUM_FRAMES)).round().astype(int))
     frames = [as_bgr(frames[i]) for i in every]
     size_wh = frames[0].shape[1::-1]
@@ -310,7 +317,7 @@ def _estimate(rig, used, frames, dash, focal_std, lane_width_m, assumed, dash_pe
         words.append(
             "little straight road with both lines was seen: yaw and pitch are less certain; give a clip of more of it"
         )
-    if bend > STRAIGHT_1PM:
+    if bend > NEARLY_STRAIGHT_1PM:
         words.append(f"no straight road seen, the straightest has a radius of {1 / bend:.0f} m: yaw is less certain")
     notes = "; ".join(words)
     angles = (m["height_m"], m["pitch_deg"], m["yaw_deg"])

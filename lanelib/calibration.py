@@ -17,8 +17,7 @@ import numpy as np
 from lanelib.camera import ASPECT_TOLERANCE, INTRINSICS, Camera
 from lanelib.chessboard import check_board_wh, find_board
 from lanelib.errors import LanelibError
-from lanelib.names import natural_key
-from lanelib.pictures import read_image, write_bytes
+from lanelib.pictures import pictures_in, read_image, write_bytes
 
 MIN_BOARDS = 3  # two views give Zhang's equations just enough; the third is the first that can contradict them
 CROP_PX = 2  # 1281x721 beside 1280x720: a row or column too many, not another scale
@@ -200,10 +199,9 @@ def _images(pictures):
         folder = Path(pictures)
         if not folder.is_dir():
             raise LanelibError(f"{folder}: need a folder of chessboard pictures, found none; check the name")
-        pictures = [path for path in folder.iterdir() if path.suffix.lower() in (".jpg", ".jpeg", ".png", ".bmp")]
+        pictures = pictures_in(folder)
         if not pictures:
             raise LanelibError(f"{folder}: need chessboard pictures (.jpg, .png or .bmp), found none; check the folder")
-        pictures.sort(key=lambda path: natural_key(path.name))
     elif not isinstance(pictures, Iterable):
         raise LanelibError(f"calibrate: need pictures of a chessboard, found {type(pictures).__name__}")
     for picture in pictures:

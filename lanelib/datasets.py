@@ -17,11 +17,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lanelib.errors import LanelibError
-from lanelib.names import natural_key
+from lanelib.pictures import PICTURE_SUFFIXES, files_in, pictures_in
 from lanelib.truth import load_truth
 
 INPUTS = ("camera_cal", "test_images", "test_videos")
-PICTURE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
 VIDEO_SUFFIXES = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".ts", ".webm")
 
 
@@ -75,7 +74,7 @@ class DataSet:
 
     def videos(self) -> list[Path]:
         """The clips in natural order."""
-        return _files(self.test_videos, VIDEO_SUFFIXES)
+        return files_in(self.test_videos, VIDEO_SUFFIXES)
 
     def board_truth(self) -> dict[str, dict]:
         """Truth of the chessboards by file name; empty where the set has none."""
@@ -159,11 +158,6 @@ def is_checkout(folder: Path) -> bool:
     return (folder / "pyproject.toml").is_file() and (folder / "lanelib" / "datasets.py").is_file()
 
 
-def pictures_in(folder: Path) -> list[Path]:
-    """The pictures of a folder in natural order, without hidden files (macOS puts one beside each, `._a.jpg`)."""
-    return _files(folder, PICTURE_SUFFIXES)
-
-
 def tagged(truth: Mapping[str, dict], *tags: str) -> list[str]:
     """Names of the pictures or frames of `truth` that carry all these tags.
 
@@ -177,19 +171,12 @@ def _project() -> Path:
     return Path(__file__).resolve().parents[1]
 
 
-def _files(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
-    if not folder.is_dir():
-        return []
-    found = (p for p in folder.iterdir() if p.suffix.lower() in suffixes and p.is_file() and p.name[0] != ".")
-    return sorted(found, key=lambda path: natural_key(path.name))
-
-
 def _sets_in(root: Path) -> set[str]:
     names = set()
     for kind in INPUTS:
         folder = root / kind
         for sub in folder.iterdir() if folder.is_dir() else ():
-            if sub.is_dir() and sub.name[0] != "." and _files(sub, PICTURE_SUFFIXES + VIDEO_SUFFIXES):
+            if sub.is_dir() and sub.name[0] != "." and files_in(sub, PICTURE_SUFFIXES + VIDEO_SUFFIXES):
                 names.add(sub.name)
     return names
 

@@ -84,7 +84,7 @@ class LaneFinder:
 
     def reset(self) -> None:
         """Forget what was seen so far, as before the first frame of another clip."""
-        self.tracker = LaneTracker(smoothing=self.tracker.smoothing, fps=self.tracker.fps)
+        self.tracker = self.tracker.fresh()
 
     def view(self, size_wh: tuple[int, int]) -> View:
         """The rig prepared for frames of this size; kept for the next frame. LanelibError where the aspect ratio
@@ -131,11 +131,7 @@ class LaneFinder:
 
     def _outcome(self, frame: np.ndarray, view: View, begin: float) -> LaneResult:
         fit, reason, checks = (self._measure_joint if self.model == "joint" else self._measure_windows)(frame, view)
-        result = self._result(fit, reason, checks, view, begin)
-        if self.neighbours and result.fit is not None and result.status == "measured":
-            neighbours = find_neighbours(frame, view, result.fit, lanes=self.neighbours)
-            result = replace(result, neighbours=neighbours, milliseconds=milliseconds_since(begin))
-        return result
+        return self._result(fit, reason, checks, frame, view, begin)
 
     def stages(self, frame_bgr: np.ndarray) -> dict[str, np.ndarray]:
         """Every intermediate picture by name; see ``stages.stages``. Does not change the tracker."""
@@ -201,17 +197,17 @@ class LaneFinder:
             gates=jointfit.TRACK_GATES,
             reach_m=jointfit.SEARCH_REACH_M[-1:],
         )
-        inward_m = self.tracker.known_inward() or inward(fit, picture, around.grid)
+        inward_m = self.tracker.recall_inward() or inward(fit, picture, around.grid)
         fit = replace(fit, inward_m=inward_m) if any(inward_m) else fit
         tracked = self._judge(fit)
         lost = tracked[0] is None
-        if self.tracker.is_in_doubt(fit, lost=lost):
+        if self.tracker.decide_to_search(fit, lost=lost):
             if lost:  # all of the frame is looked at once more
                 fresh = self._search(frame, view)
             else:
                 least = self.tracker.start_needed(fit)
                 fresh = self._best(points, picture, around, least_energy=least, known=fit.mean)
-            if self.tracker.is_outdone(fit, fresh[0], lost=lost):
+            if self.tracker.challenge(fit, fresh[0], lost=lost):
                 return fresh
         return tracked
 
@@ -250,7 +246,13 @@ class LaneFinder:
 
     # ------------------------------------------------------------------ the outcome
     def _result(
-        self, fit: JointFit | None, reason: str, checks: tuple[Check, ...], view: View, begin: float
+        self,
+        fit: JointFit | None,
+        reason: str,
+        checks: tuple[Check, ...],
+        frame: np.ndarray,
+        view: View,
+        begin: float,
     ) -> LaneResult:
         status, trust = ("measured" if fit is not None else "none"), 1.0
         if self.track:
@@ -265,8 +267,12 @@ class LaneFinder:
         lines_px = cache(partial(view.lines_px, lane))  # in metres it is known now; in pixels when someone asks
         left, right = (lambda: lines_px()[0]), (lambda: lines_px()[1])
         confidence = confidence_of(fit) * trust
+        beside = self.neighbours and status == "measured"
+        neighbours = find_neighbours(frame, view, fit, lanes=self.neighbours) if beside else ()
         spent = milliseconds_since(begin)
-        return LaneResult(lane, status, reason, confidence, checks, left, right, view.rig.size_wh, spent, fit)
+        return LaneResult(
+            lane, status, reason, confidence, checks, left, right, view.rig.size_wh, spent, fit, neighbours
+        )
 
 
 def implausible(checks: tuple[Check, ...]) -> str:

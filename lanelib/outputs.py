@@ -223,5 +223,5 @@ def with_folders(paths: Iterable[Path]) -> Iterator[Path]:
             continue
         inside = datasets.pictures_in(path)
         if not inside:
-            raise LanelibError(f"{path}: needed a folder with chessboard pictures, found none in it; check the name")
+            raise LanelibError(f"{path}: needed a folder with chessboard pictures (JPEG, PNG or BMP), found none in it")
         yield from inside

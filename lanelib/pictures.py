@@ -1,4 +1,4 @@
-"""Read and write single pictures so that a bad file is one clear line and a good file is never half written.
+"""Read, write and list single pictures so that a bad file is one clear line and a good file is never half written.
 
 OpenCV's own reader returns None without a reason, decodes what is left of a truncated JPEG, trusts any size the
 header states, and lets libjpeg print on the terminal. Here the bytes are checked before they are decoded.
@@ -18,13 +18,20 @@ import cv2
 import numpy as np
 
 from lanelib.errors import LanelibError
+from lanelib.names import natural_key
 from lanelib.parts import is_special, prefix_of, remove_abandoned
 
 MAX_MEGAPIXELS = 120.0  # above any camera a car carries (8K is 33) and common phones (108); 360 MB once decoded
 MAX_FILE_BYTES = 1 << 29  # 512 MB: an uncompressed picture of the largest size, with room to spare
+PICTURE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png")  # of what can be read and written here
 JPEG_START, PNG_START, BMP_START = b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n", b"BM"
 # An entropy-coded JPEG scan ends at the first 0xFF that is neither stuffed (FF00), a restart (FFD0-D7) nor fill (FFFF).
 JPEG_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
+# What libjpeg (jerror.h), libpng and OpenCV say on standard error while they decode
+DECODER_WORDS = re.compile(
+    rb"Corrupt JPEG data|Premature end of JPEG|Invalid SOS parameters|Inconsistent progression|Unknown Adobe color"
+    rb"|Warning: unknown JFIF|Application transferred|libpng (warning|error)|\[ ?(WARN|ERROR|INFO):"
+)
 _stderr_lock = threading.Lock()
 
 
@@ -87,7 +94,7 @@ def write_image(path, image: np.ndarray, *, jpeg_quality: int = 92) -> Path:
     if image.dtype != np.uint8 or image.size == 0 or image.ndim < 2 or channels not in ((1,), (3,), (4,)):
         raise LanelibError(f"{path}: need a uint8 picture of 1, 3 or 4 channels, found {image.dtype} {image.shape}")
     suffix = path.suffix.lower()
-    if suffix not in (".png", ".jpg", ".jpeg", ".bmp"):
+    if suffix not in PICTURE_SUFFIXES:
         raise LanelibError(f"{path}: need a name ending in .png, .jpg or .bmp, found {suffix or 'no suffix'!r}")
     options = [cv2.IMWRITE_JPEG_QUALITY, int(jpeg_quality)] if suffix in (".jpg", ".jpeg") else []
     try:
@@ -131,6 +138,20 @@ def write_bytes(path, data: bytes) -> Path:
         reason = getattr(error, "strerror", None) or error
         raise LanelibError(f"{path}: need a place that can be written, found: {reason}; choose another") from None
     return path
+
+
+def files_in(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
+    """The files of a folder with one of these suffixes in natural order, without hidden ones (macOS puts one beside
+    each, `._a.jpg`); none where there is no folder."""
+    if not folder.is_dir():
+        return []
+    found = (p for p in folder.iterdir() if p.suffix.lower() in suffixes and p.is_file() and p.name[0] != ".")
+    return sorted(found, key=lambda path: natural_key(path.name))
+
+
+def pictures_in(folder: Path) -> list[Path]:
+    """The pictures of a folder, as `files_in`."""
+    return files_in(folder, PICTURE_SUFFIXES)
 
 
 def read_text(path, *, max_bytes: int = 1 << 24) -> str:
@@ -226,7 +247,8 @@ def _inspect_png(data: bytes) -> tuple[tuple[int, int], str]:
 def _native_stderr():
     """Catch what C libraries print to file descriptor 2; yields a list whose one text is complete afterwards.
 
-    libjpeg reports damaged data only there. The descriptor is shared by all threads, hence the lock.
+    libjpeg reports damaged data only there. The descriptor is shared by all threads, hence the lock; what others print
+    meanwhile is handed on.
     """
     said = [""]
     with _stderr_lock:
@@ -243,4 +265,9 @@ def _native_stderr():
                 os.dup2(keep, 2)
                 os.close(keep)
                 caught.seek(0)
-                said[0] = caught.read().decode("utf-8", "replace")
+                lines = caught.read().splitlines(keepends=True)
+                ours = [line for line in lines if DECODER_WORDS.match(line)]
+                said[0] = b"".join(ours).decode("utf-8", "replace")
+                with suppress(OSError):  # nobody may be left who reads it
+                    if len(lines) > len(ours):
+                        os.write(2, b"".join(line for line in lines if not DECODER_WORDS.match(line)))

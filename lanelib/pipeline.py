@@ -9,9 +9,7 @@ import queue
 import sys
 import threading
 import time
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,21 +49,18 @@ class Summary:
 
 def process_video(
     source: str | Path, function: FrameFunction, *, output: str | Path | None = None, start_s: float = 0.0,
-    end_s: float | None = None, on_progress: Callable[[int, int], None] | None = None, jobs: int = 1,
+    end_s: float | None = None, on_progress: Callable[[int, int], None] | None = None,
     preset: str = "veryfast", crf: float = 20, pixel_format: str = "bgr24", audio: bool = True, first_row: int = 0,
 ) -> Summary:
     """Call `function(frame, index, time_s)` for every frame in order, and write what it returns to `output`.
 
     The function may change the frame it is given and return it; for None nothing is written. Times and sound of the
-    source are kept (a section starts at 0). `on_progress(done, expected)` is called after each frame. With `jobs`
-    above 1 the function runs in that many threads, so it must not depend on the frame before; the order of the output
-    is kept. `pixel_format` is that of the frames in and out, as for `read_frames`; "yuv420p" is the cheapest.
-    `first_row`: see `read_frames`; with it there can be no `output`.
+    source are kept (a section starts at 0). `on_progress(done, expected)` is called after each frame.
+    `pixel_format` is that of the frames in and out, as for `read_frames`; "yuv420p" is the cheapest. `first_row`: see
+    `read_frames`; with it there can be no `output`.
     An exception in any stage stops all of them, leaves no output, and is raised once.
     """
     began = time.perf_counter()
-    if jobs < 1:
-        raise LanelibError(f"needed at least 1 job, found {jobs}")
     if output is not None:
         if first_row:
             raise LanelibError(f"needed whole frames for an output, found first_row {first_row}; leave it out")
@@ -81,10 +76,10 @@ def process_video(
                 audio_from=source if audio else None, audio_start_s=start_s,
                 audio_duration_s=None if end_s is None else end_s - start_s, color_matrix=reader.info.color_matrix))
         frames = stack.enter_context(_ReadAhead(reader))
-        results = _apply(function, frames, jobs, stack)
         sink = stack.enter_context(_WriteBehind(writer)) if writer is not None else None
         frames_in = 0
-        for frame, result in results:
+        for frame in frames:
+            result = function(frame.frame_bgr, frame.index, frame.time_s)
             if sink is not None and result is not None:
                 sink.put(result, frame.time_s - start_s)
             frames_in += 1
@@ -150,30 +145,6 @@ def _expected(reader: FrameReader, start_s: float, end_s: float | None) -> int:
         return 0
     until_s = min(end_s if end_s is not None else info.duration_s, info.duration_s or float("inf"))
     return max(0, round((until_s - start_s) * info.fps))
-
-
-def _apply(
-    function: FrameFunction, frames: Iterable[Frame], jobs: int, stack: ExitStack,
-) -> Iterator[tuple[Frame, np.ndarray | None]]:
-    """(frame, function's result) in order, with up to `jobs` calls at a time."""
-    if jobs == 1:
-        for frame in frames:
-            yield frame, function(frame.frame_bgr, frame.index, frame.time_s)
-        return
-    pool = stack.enter_context(ThreadPoolExecutor(jobs, thread_name_prefix="frame"))
-    waiting: deque[tuple[Frame, Future[np.ndarray | None]]] = deque()
-    try:
-        for frame in frames:
-            waiting.append((frame, pool.submit(function, frame.frame_bgr, frame.index, frame.time_s)))
-            if len(waiting) > 2 * jobs:
-                first, future = waiting.popleft()
-                yield first, future.result()
-        while waiting:
-            first, future = waiting.popleft()
-            yield first, future.result()
-    finally:
-        for _, future in waiting:
-            future.cancel()
 
 
 class _Stage:

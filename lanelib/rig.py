@@ -40,7 +40,7 @@ AROUND_M, AROUND_STEP, MOST_AROUND = 2.0, 10, 24
 AROUND_Y_M = np.array([5.0, 10.0, 20.0, 35.0, 60.0])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rig:
     """A camera and how it sees the road: everything the finder must know, and nothing about the road itself. One
     readable file."""
@@ -55,9 +55,13 @@ class Rig:
         """Width and height of the frames the rig is for, px."""
         return self.camera.size_wh
 
-    @cached_property
+    @property
     def mounting(self) -> dict:
-        """height_m, pitch_deg, yaw_deg, roll_deg of the camera."""
+        """height_m, pitch_deg, yaw_deg, roll_deg of the camera; one's own copy."""
+        return dict(self._mounting)
+
+    @cached_property
+    def _mounting(self) -> dict:
         return self.birdseye.mounting(self.camera)
 
     @cached_property

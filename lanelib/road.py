@@ -15,9 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from .errors import LanelibError
+from .lane import STRAIGHT_1PM
 
-STRAIGHT_1PM = 1e-4  # below this curvature (radius above 10 km) a radius is no useful number: `radius_m` is None
 NODE_STEP_M = 0.5  # spacing of the table of the reference line; the arc between two nodes is then exact to < 0.1 mm
+COLORS = ("white", "yellow")  # of paint
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,7 @@ class Mounting:
     """How the camera sits on the car: height above the road and three angles, in the signs of the contract.
 
     pitch_deg > 0 looks down, yaw_deg > 0 looks right, roll_deg > 0 is turned clockwise as seen from behind.
+    The truth has its own rotation and homography, so that `BirdsEye.from_mounting` can be checked against them.
     """
 
     height_m: float = 1.22
@@ -74,6 +76,9 @@ class Road:
         if not (s.ndim == 1 and s.shape == k.shape == g.shape and len(s) and np.all(np.diff(s) > 0)):
             raise LanelibError(f"needed increasing stations with one curvature (and grade) each, got shapes "
                                f"{s.shape}, {k.shape}, {g.shape}: give one value per station")
+        if not (-np.inf < s_min_m < np.inf and 0 <= s_max_m < np.inf):
+            raise LanelibError(f"needed a road that reaches from its start at 0 m to a finite s_max_m, got "
+                               f"{s_min_m} .. {s_max_m} m: give s_max_m ahead of 0")
         if not np.isfinite(np.concatenate([s, k, g])).all() or np.abs(k).max() > 0.1:
             raise LanelibError("needed finite curvatures up to 0.1 per metre (10 m radius): check the unit, it is 1/m")
         self.stations_m, self.curvatures_1pm, self.grades = s, k, g
@@ -117,7 +122,7 @@ class Road:
     def point(self, s_m, d_m=0.0) -> np.ndarray:
         """World x, y of the points (s, d): (..., 2). Raises where s is outside the road's table."""
         s, d = np.broadcast_arrays(np.asarray(s_m, float), np.asarray(d_m, float))
-        if s.size and (s.min() < self._s[0] or s.max() > self._s[-1]):
+        if s.size and not (s.min() >= self._s[0] and s.max() <= self._s[-1]):  # NaN is not within either
             raise LanelibError(f"needed s within {self._s[0]:.0f} .. {self._s[-1]:.0f} m, got {s.min():.1f} .. "
                                f"{s.max():.1f}: make the road longer (s_min_m, s_max_m)")
         i = np.rint((s - self._s[0]) / NODE_STEP_M).astype(int)
@@ -131,9 +136,11 @@ class Road:
     def locate(self, xy: np.ndarray, s_guess=None) -> tuple[np.ndarray, np.ndarray]:
         """(s, d) of world points (..., 2): the foot on the reference line, nearest to the guess (default: s = y).
 
-        Two tangent steps through the table of nodes find the nearest node; from there the line is a circular arc.
+        Four tangent steps through the table of nodes find the nearest node; from there the line is a circular arc.
+        Both are as exact as xy: float32 stays float32, whole numbers become float64.
         """
         xy = np.asarray(xy)
+        xy = xy if np.issubdtype(xy.dtype, np.floating) else xy.astype(float)
         s = np.array(xy[..., 1] if s_guess is None else np.broadcast_to(s_guess, xy.shape[:-1]), dtype=xy.dtype)
         for _ in range(4):
             i = np.clip(np.rint((s - self._s[0]) / NODE_STEP_M).astype(int), 0, len(self._s) - 1)
@@ -166,6 +173,10 @@ class Marking:
     gap_m: float = 0.0
     phase_m: float = 0.0
     wear: float = 0.2  # 0 new .. 1 gone
+
+    def __post_init__(self):
+        if self.color not in COLORS:
+            raise LanelibError(f"needed a line that is {' or '.join(COLORS)}, got {self.color!r}: choose one of these")
 
     def painted(self, s_m) -> np.ndarray:
         """True where there is paint (wear apart)."""
@@ -269,18 +280,22 @@ def frame_truth(road: Road, pose: CarPose, mounting: Mounting, camera_matrix: np
     if left is None or right is None:
         return truth
     rows = np.array(truth["h_samples"], float)
+    # equal steps in 1 / distance are equal steps in rows, about four a pixel; from 1.5 m on to a few centimetres
+    # before the foot of the camera, which only one that looks down steeply sees, in equal ratios
+    ahead = np.append(np.geomspace(0.05, 1.5, h, endpoint=False), 1 / np.linspace(1 / 1.5, 1 / range_m, 4 * h))
     x_at_car = []
     for marking in (left, right):
-        # equal steps in 1 / distance are equal steps in rows, about four a pixel; start just behind the camera's foot
-        ahead = 1 / np.linspace(1 / 1.5, 1 / range_m, 4 * h)
         s = pose.s_m + ahead
         points = line_in_car_axes(road, pose, marking.d_m, s)
         uv = project(points, mounting, camera_matrix, distortion)
         ok = np.isfinite(uv[:, 1])
-        if not ok.any():
+        if not ok[h:].any():
             raise LanelibError("needed a camera that sees the road, got one that sees none of it: check the mounting")
-        start = int(np.argmax(uv[ok, 1]))  # nearer than that the lens bends the rows back
-        uv, s_ok = uv[ok][start:], s[ok][start:]
+        uv, s_ok, nearer = uv[ok], s[ok], int(ok[:h].sum())
+        lowest = nearer + int(np.argmax(uv[nearer:, 1]))
+        back = np.flatnonzero(np.diff(uv[: lowest + 1, 1]) >= 0)  # nearer than that the lens bends the rows back
+        start = back[-1] + 1 if len(back) else 0
+        uv, s_ok = uv[start:], s_ok[start:]
         over = np.flatnonzero(np.diff(uv[:, 1]) >= 0)  # behind a crest the line comes down again: out of sight
         n = over[0] + 1 if len(over) else len(uv)
         u, v, s_ok = uv[:n, 0][::-1], uv[:n, 1][::-1], s_ok[:n][::-1]  # far to near: rows increase

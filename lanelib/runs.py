@@ -18,7 +18,6 @@ from lanelib.pictures import write_image
 from lanelib.pipeline import Summary, process_video
 from lanelib.video import probe
 
-VIEWS = ("overlay", "diagnostic", "birdseye")
 STATUSES = ("measured", "held", "none")
 
 
@@ -141,7 +140,7 @@ def first_row_of(finder: LaneFinder, size_wh: tuple[int, int]) -> int:
 
 
 def picture_of(view: str, frame: np.ndarray, result: LaneResult, finder: LaneFinder) -> np.ndarray:
-    """The picture of one frame in one of `VIEWS`; the frame (H, W, 3) BGR may be drawn upon."""
+    """The picture of one frame as `lanelib video --view` names it; the frame (H, W, 3) BGR may be drawn upon."""
     if view == "diagnostic":
         return stages.diagnostic(frame, finder, result)
     if view == "birdseye":

@@ -85,8 +85,8 @@ SMOOTHING = ("none", "average", "exponential", "kalman")
 
 @dataclass(frozen=True)
 class Event:
-    """What one frame did to the tracker: ``status`` measured, held or none; ``missed`` frames in a row; ``reason``
-    of a miss."""
+    """What one frame did to the tracker: ``status`` measured, held or none; ``missed``: for so many frames in a row the
+    lane has been held (0 where there is none to hold); ``reason`` of a miss."""
 
     status: str
     missed: int = 0
@@ -116,7 +116,7 @@ class LaneTracker:
     ):
         if smoothing not in SMOOTHING:
             raise LanelibError(f"smoothing must be one of {', '.join(SMOOTHING)}, found {smoothing!r}")
-        self.smoothing, self.alpha = smoothing, alpha
+        self.smoothing, self.n, self.alpha = smoothing, n, alpha
         self._hold_frames, self._step_std = hold_frames, np.asarray(step_std, float)
         self.set_fps(fps)
         self._times_s: list[float] = []
@@ -124,6 +124,17 @@ class LaneTracker:
         self._learned, self._lessons = UNKNOWN_ROAD.mean[LEARNED], 0
         self._frames = 0
         self.reset()
+
+    def fresh(self) -> LaneTracker:
+        """A tracker that was told the same and has seen nothing."""
+        return type(self)(
+            smoothing=self.smoothing,
+            hold_frames=self._hold_frames,
+            n=self.n,
+            alpha=self.alpha,
+            step_std=self._step_std,
+            fps=self.fps,
+        )
 
     def set_fps(self, fps: float) -> None:
         """From now on so many frames a second; what is known stays."""
@@ -155,7 +166,7 @@ class LaneTracker:
         self.shown: JointFit | None = None
         self._drift = np.zeros(7)  # how the lane changes from frame to frame
         self._expected: np.ndarray | None = None  # the mean of the last prediction
-        self.missed = 0
+        self.missed = 0  # frames in a row for which the lane has been held
         self.road = RoadMemory()
         self._history.clear()
         self._doubts, self._unchecked, self._usual_rows = 0, 0, 0.0
@@ -231,14 +242,15 @@ class LaneTracker:
             return lane
         return self.road.update(lane, self.shown.mean, measured=measured, frame_s=self.pace / FPS)
 
-    def known_inward(self) -> tuple[float, float] | None:
+    def recall_inward(self) -> tuple[float, float] | None:
         """How much further in a double line's boundary lies, as the last frames said; None when it is time to look
-        again."""
+        again. Counts the frame: to be called once in each."""
         self._frames += 1
         return None if self.fit is None or self._frames % LOOK_AT_WIDTH == 0 else self.fit.inward_m
 
-    def is_in_doubt(self, fit: JointFit, *, lost: bool) -> bool:
-        """Whether this frame is to be searched afresh beside the tracked ``fit`` (``lost``: it failed its tests)."""
+    def decide_to_search(self, fit: JointFit, *, lost: bool) -> bool:
+        """Whether this frame is to be searched afresh beside the tracked ``fit`` (``lost``: it failed its tests).
+        Keeps account of paint, doubts and checks: to be called once a frame."""
         rows = sum(fit.rows)
         fading = rows < FADING * self._usual_rows
         self._usual_rows += 0.1 * (rows - self._usual_rows)
@@ -263,10 +275,11 @@ class LaneTracker:
         """What a start must be estimated to be worth, so that its fit could take over."""
         return self.energy_needed(tracked) - FIT_ADDS
 
-    def is_outdone(self, tracked: JointFit, fresh: JointFit | None, *, lost: bool) -> bool:
-        """Whether a fresh search found a lane that explains the frame better, for the second time in succession; the
-        old one is then forgotten. It may be the same lane with the pitch right, or another one with more paint: where
-        a road winds, what is usual elsewhere speaks against the lane that was followed, and must not decide alone."""
+    def challenge(self, tracked: JointFit, fresh: JointFit | None, *, lost: bool) -> bool:
+        """Let the lane of a fresh search challenge the tracked one. True where it explains the frame better, for the
+        second time in succession: the old one is then forgotten (``reset``). It may be the same lane with the pitch
+        right, or another one with more paint: where a road winds, what is usual elsewhere speaks against the lane that
+        was followed, and must not decide alone."""
         rival = fresh
         if rival is not None and not lost:
             other = differ(rival.mean, tracked.mean)

@@ -170,7 +170,7 @@ def test_an_unknown_camera_still_finds_lanes():
 @pytest.mark.parametrize("size_wh", [(640, 360), (360, 640)])
 def test_an_assumed_lens_is_that_of_the_longer_side(size_wh):
     """A phone has the same lens upright."""
-    _, camera, assumed = autorig._usable(np.zeros((*size_wh[::-1], 3), np.uint8), None, 3.7, 60.0)
+    _, camera, assumed = autorig._usable(np.zeros((*size_wh[::-1], 3), np.uint8), None, 3.7, 60.0, None)
     assert assumed and camera.size_wh == size_wh
     assert camera.camera_matrix[0, 0] == pytest.approx(320 / math.tan(math.radians(30)))
 
@@ -234,6 +234,19 @@ def test_refuses_what_is_no_set_of_frames():
         find_rig(frame, lane_width_m=370)
     with pytest.raises(LanelibError, match="proportions"):
         find_rig(frame, Camera.ideal((640, 480), hfov_deg=60))
+    for nothing in (None, 7):
+        with pytest.raises(LanelibError, match=f"a list of them, found {type(nothing).__name__}"):
+            find_rig(nothing)
+
+
+@pytest.mark.parametrize("period_m", [-3, 0, np.nan, np.inf])
+def test_what_contradicts_itself_is_refused_before_anything_is_searched(monkeypatch, period_m):
+    monkeypatch.delattr(autorig, "search")
+    frame = np.zeros((540, 960, 3), np.uint8)
+    with pytest.raises(LanelibError, match=f"above 0 m, found {period_m}"):
+        find_rig(frame, dash_period_m=period_m)
+    with pytest.raises(LanelibError, match="calibrated camera has its focal length"):
+        find_rig(frame, Camera.ideal((960, 540), hfov_deg=60), dash_period_m=14.63)
 
 
 def test_a_calibrated_focal_length_is_not_overruled_and_none_comes_from_solid_lines():

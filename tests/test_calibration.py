@@ -116,6 +116,7 @@ def test_pictures_that_cannot_be_used_are_listed_with_the_reason(tmp_path, pictu
     wide = cv2.resize(render(*POSES[1], seed=98)[:, 60:600], (660, 390))  # another camera: stretched by a fifth
     write_image(folder / "b26.png", wide)
     (folder / "notes.txt").write_text("ten kilometres")
+    (folder / "._b0.png").write_bytes(b"of macOS")
 
     result = calibrate(folder, board_wh=(7, 5))
     boards = {board.name: board for board in result.boards}

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from roads import rig_of_scene
 
 from lanelib.camera import Camera
-from lanelib.dashes import DashPeriod, dash_likelihood, dash_period
+from lanelib.dashes import DASH_SYSTEMATIC, DashPeriod, dash_likelihood, dash_period
 from lanelib.rig import Rig
 from lanelib.road import CarPose, Marking, Mounting
 from lanelib.simulator import Scene, render_road
@@ -56,6 +56,13 @@ def test_dashes_of_three_countries(period_m):
     assert found and found.n_lines >= 3
     assert found.period_m == pytest.approx(period_m, rel=0.03)
     assert abs(found.period_m - period_m) < 3 * found.std_m < 0.2 * period_m
+
+
+def test_many_frames_do_not_take_the_systematic_part_away():
+    scenes = clip(12.19, 2)
+    found = dash_period(rig_of_scene(scenes[0]), [render_road(s)[0] for s in scenes] * 8)
+    assert found.n_lines > 8
+    assert DASH_SYSTEMATIC <= found.std_m / found.period_m < 1.5 * DASH_SYSTEMATIC
 
 
 def test_a_wrong_focal_length_shows_in_the_period():

@@ -284,6 +284,20 @@ def test_fading_grows_with_the_rows_and_leaves_no_seam():
     assert column[0] < 12 and set(column[100:]) == {100}
 
 
+def test_the_half_size_planes_are_drawn_on_where_the_frame_is():
+    """A plane's pixel 0 has its centre between the frame's pixels 0 and 1."""
+    frame = np.full((150, 120), 128, np.uint8)
+    angle = np.linspace(0, 2 * np.pi, 200)
+    circle = np.column_stack([61.3 + 20 * np.cos(angle), 44.7 + 20 * np.sin(angle)])
+    canvas = Canvas.of_yuv420(frame)
+    canvas.fill([circle], (255, 0, 0))
+    for plane in canvas.planes[1:]:
+        cover = np.abs(plane.pixels.astype(float) - 128)
+        rows, columns = np.indices(cover.shape)
+        place = [(n * cover).sum() / cover.sum() * 2 + 0.5 for n in (columns, rows)]
+        assert place == pytest.approx([61.3, 44.7], abs=0.2)
+
+
 def test_a_layer_is_cut_at_the_frame_s_edge():
     layer = Layer(np.full((20, 30, 4), 255, np.uint8))
     picture = np.zeros((16, 24, 3), np.uint8)
@@ -333,6 +347,21 @@ def test_the_card_changes_with_what_it_tells():
         setattr(other, name, value)
         pictures[name] = read_out(other, size).pixels.tobytes()
     assert len(set(pictures.values())) == len(pictures)
+
+
+@pytest.mark.parametrize(("offset_m", "side"), [(0.6, 1), (-0.6, -1)])
+def test_the_gauge_shows_the_car_on_its_side_of_the_lane(offset_m, side):
+    result = straight_lane((1280, 720))
+    result.offset_m = offset_m
+    card = read_out(result, (1280, 720)).pixels[:, :, :3].astype(int)
+    left, right = (np.abs(card - draw.bgr(name)).max(axis=2) < 20 for name in ("left line", "right line"))
+    row = np.flatnonzero(left.any(axis=1) & right.any(axis=1))
+    row = row[len(row) // 2]
+    lines = np.flatnonzero(left[row]).mean(), np.flatnonzero(right[row]).mean()
+    between = np.arange(card.shape[1])[round(lines[0]) : round(lines[1])]
+    car = between[card[row, between].min(axis=1) > 220].mean()
+    place = (car - np.mean(lines)) / (lines[1] - lines[0])  # in lane widths
+    assert lines[0] < lines[1] and place == pytest.approx(side * 0.6 / 3.66, abs=0.03)
 
 
 # ---------------------------------------------------------------------------------------------- lettering
@@ -396,18 +425,6 @@ def test_wrapped_lines_fit_and_keep_the_words(words, width):
 
 
 # ---------------------------------------------------------------------------------------------- marks
-def test_masks_of_0_1_and_0_255_and_bool_look_alike():
-    on = np.random.default_rng(1).random((20, 30)) > 0.6
-    pictures = [draw.mask_to_colour(m, "#102030") for m in (on, on.astype(np.uint8), on * np.uint8(255))]
-    for picture in pictures:
-        np.testing.assert_array_equal(picture[on], np.tile(np.uint8([0x30, 0x20, 0x10]), (on.sum(), 1)))
-        assert picture[~on].sum() == 0
-    over = draw.mask_to_colour(on, "#ffffff", over=np.full((20, 30, 3), 100, np.uint8), opacity=0.5)
-    assert (over[~on] == 100).all() and (np.abs(over[on].astype(int) - 177.5) <= 1).all()
-    with pytest.raises(LanelibError, match="one size"):
-        draw.mask_to_colour(on, over=np.zeros((5, 5, 3), np.uint8))
-
-
 def test_heat_grows_brighter():
     values = np.linspace(0, 3, 64)[None].repeat(4, 0)
     grey = cv2.cvtColor(draw.heat(values), cv2.COLOR_BGR2GRAY)[0].astype(int)
@@ -449,12 +466,34 @@ def test_corners_of_a_board_and_of_none():
     assert np.abs(some[70, 60].astype(int) - draw.bgr("none")).max() < 30
 
 
-def test_a_polygon_is_tinted_inside_only():
-    picture = draw.draw_polygon(
-        np.full((200, 300, 3), 100, np.uint8), [(50, 50), (250, 50), (250, 150), (50, 150)], opacity=0.5
-    )
-    expected = 0.5 * 100 + 0.5 * np.array(draw.bgr("trapezoid"))
-    assert np.abs(picture[100, 150] - expected).max() <= 1 and (picture[20, 20] == 100).all()
+CANVAS = np.full((90, 160, 3), 100, np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("function", "says"),
+    [
+        (lambda: draw.bgr("red"), "'red'"),
+        (lambda: draw.bgr("#12g456"), "'#12g456'"),
+        (lambda: draw.draw_points(CANVAS, [(5, 5)], "green"), "'green'"),
+        (lambda: put_text(CANVAS.copy(), "a", (5, 20), (0, 0, 0), align="center"), "'center'"),
+        (lambda: draw.draw_line(CANVAS, [(0, 0), (50, 50)], width_px=0, dashed=True), "found 0"),
+        (lambda: draw.draw_line(CANVAS, [(0, 0), (50, 50)], width_px=np.nan), "found nan"),
+        (lambda: draw.difference(CANVAS, CANVAS, gain=0), "found 0"),
+        (lambda: draw.side_by_side([CANVAS], columns=-1), "and -1"),
+        (lambda: draw.side_by_side([CANVAS], height=-1), "found -1"),
+    ],
+)
+def test_what_cannot_be_drawn_is_one_line(function, says):
+    with pytest.raises(LanelibError, match=says) as caught:
+        function()
+    assert "\n" not in str(caught.value)
+
+
+def test_no_corners_and_corners_that_are_nowhere_are_not_drawn():
+    np.testing.assert_array_equal(draw.draw_corners(CANVAS, [], (0, 0)), CANVAS)
+    grid = np.stack(np.meshgrid(np.arange(3) * 40 + 20.0, np.arange(2) * 40 + 20.0), -1).reshape(-1, 2)
+    grid[0] = np.nan
+    np.testing.assert_array_equal(draw.draw_corners(CANVAS, grid, (3, 2)), draw.draw_corners(CANVAS, grid[1:], (3, 2)))
 
 
 # ---------------------------------------------------------------------------------------------- panels
@@ -499,6 +538,14 @@ def test_rulers_and_points_change_the_view_and_a_wrong_size_is_refused():
     assert np.abs(dotted[round(v), round(u)].astype(int) - draw.bgr("paint")).max() < 60
     with pytest.raises(LanelibError, match="360x720"):
         draw.birdseye(view[:-1], grid)
+
+
+@pytest.mark.parametrize("far_m", [8.0, 43.0, 1500.0, 2e3, 9e4])
+def test_a_view_of_any_length_has_rulers(far_m):
+    grid = Grid.uniform(x_range_m=(-6, 6), y_range_m=(3, far_m), size_wh=(180, 360))
+    picture = draw.birdseye(np.full((360, 180, 3), 80, np.uint8), grid)
+    lines = np.flatnonzero(picture[:300, 120, 0] > 90)  # beside the numbers
+    assert 3 <= np.sum(np.diff(lines) > 1) + 1 <= 10
 
 
 def test_side_by_side_shows_every_picture_at_one_height():

@@ -169,6 +169,13 @@ def test_offset_width_heading_and_bend_come_from_the_pixels_alone():
     assert said.offset_m == pytest.approx(0.07) and said.curvature_1pm == pytest.approx(0.0005, abs=1e-5)
 
 
+@pytest.mark.parametrize("heading_rad", [-0.25, 0.25])
+def test_a_width_is_measured_across_the_lane_however_the_car_stands(heading_rad):
+    truth = truth_of(Road([0], [0.0]), CarPose(10.0, 0.3, heading_rad))
+    found = frame_score(truth, pixels_of(truth), CAMERA)
+    assert found.width_m == pytest.approx(0, abs=0.01)
+
+
 def test_on_a_hill_the_lane_is_still_the_scale():
     road = Road([0, 60], [0.0, 0.0], [0.0, 0.05])  # a dip: what is 30 m ahead looks nearer
     found = frame_score(truth_of(road), pixels_of(truth_of(road, left=-1.6, right=2.0)), CAMERA)

@@ -110,7 +110,6 @@ IMAGE_FUNCTIONS = {
     "overlay of nothing": lambda a: draw.overlay(a, LaneResult(None, "none", "no paint")),
     "overlay_bgr": lambda a: draw.overlay_bgr(a, RESULT),
     "overlay_yuv420": lambda a: draw.overlay_yuv420(a, RESULT),
-    "mask_to_colour": draw.mask_to_colour,
     "heat": draw.heat,
     "side_by_side": lambda a: draw.side_by_side([a, ROAD_BGR]),
     "fitted": lambda a: draw.fitted(a, (64, 36)),

@@ -16,13 +16,14 @@ from lanelib.hough import (
     X_BINS_M,
     X_REACH_M,
     X_STEP_M,
+    objection,
     peaks,
     refined_lines,
     single_lines,
     voters,
     votes,
 )
-from lanelib.jointfit import CENTRE, UNKNOWN_ROAD, Prior
+from lanelib.jointfit import BEND, CENTRE, UNKNOWN_ROAD, Prior
 
 
 def near_half(p):
@@ -143,6 +144,15 @@ def test_the_prior_speaks_at_the_choice():
         spread = UNKNOWN_ROAD.covariance.copy()
         spread[CENTRE, CENTRE] = 0.3**2
         assert single_lines(p, prior=Prior(mean, spread), count=1)[0, 3] == pytest.approx(expected, abs=0.3)
+
+
+def test_the_prior_objects_to_bends():
+    """By half the squared Mahalanobis distance of the bend, beside what it objects to place and bearing."""
+    spread = np.sqrt(UNKNOWN_ROAD.covariance[BEND, BEND])
+    straight = objection(UNKNOWN_ROAD, 1.2, 0.0, 0.02, np.array([1.5]))
+    for bend in (-2 * spread, 3 * spread):
+        bent = objection(UNKNOWN_ROAD, 1.2, np.array([bend]), 0.02, np.array([1.5]))
+        assert bent - straight == pytest.approx(0.5 * (bend / spread) ** 2, rel=1e-4)
 
 
 def test_solid_lines_of_other_lanes_leave_places_to_faint_dots_of_ours():

@@ -115,6 +115,17 @@ def test_the_oncoming_lane_is_not_ours_however_clear_its_lines(bend):
 
 
 @pytest.mark.parametrize("side", [-1, 1])
+def test_a_lane_beside_the_car_is_no_start(side):
+    """Both lines of it solid, and of ours one dashed: what does not hold the car is not ours, but it was seen."""
+    beside = Lane7(2.2 * side, width=2.7)
+    p = joined(points_on_lane(beside), points_on_lane(Lane7(), y_m=np.linspace(7, 20, 16), sides=(-side,)))
+    starts = hypotheses(p)
+    assert starts and all(holds_car(start) for start in starts)
+    _, means = partners(p, single_lines(p), UNKNOWN_ROAD)
+    assert any(not differ(mean, beside.mean) for mean in means)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
 def test_one_line_is_enough_for_a_lane_of_the_usual_width(side):
     lane = Lane7(0.2, 0.02, -1 / 500, width=3.6)
     found = best_fit(points_on_lane(lane, sides=(side,)))

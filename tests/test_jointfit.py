@@ -29,6 +29,7 @@ from lanelib.jointfit import (
     landmarks,
     line_x,
     rate_std,
+    support_of,
     supported_rows,
 )
 from lanelib.lane import Surface
@@ -319,6 +320,18 @@ def test_support_counts_rows_once_and_only_near_the_line():
     twice, _ = supported_rows(joined(p, p), lane.mean)
     np.testing.assert_allclose(twice, support)
     assert supported_rows(p, Lane7(centre=1.0, width=3.6).mean)[0][:, 68:].sum() == 0
+
+
+def test_support_is_less_where_points_are_faint_or_beside_the_line():
+    """Each point: its weight times 1 - (z / 3)^2; of a row the best one; the rms weighted as the points are."""
+    lane = Lane7(width=3.6)
+    p = points_on_lane(lane, y_m=[8.0, 9.0, 10.0], sides=(1,))
+    p = points(p.bearing, p.inverse, p.row, np.array([1.0, 0.5, 0.8]))
+    z = np.array([0.0, 1.0, 2.0])
+    support, rms = support_of(p, np.ones(3, bool), z)
+    np.testing.assert_allclose(support[1, p.row], p.weight * (1 - np.square(z / 3)))
+    assert support[0].sum() == 0 and np.count_nonzero(support) == 3
+    assert rms == pytest.approx(p.focal_px * np.sqrt(np.average(np.square(z * p.std), weights=p.weight)))
 
 
 def test_energy_is_paint_less_what_the_prior_objects():

@@ -23,7 +23,7 @@ from lanelib.jointfit import JointFit
 from lanelib.neighbours import find_neighbours
 from lanelib.road import CarPose, Marking, Road, frame_truth
 from lanelib.simulator import Scene, render_road
-from lanelib.straighten import COLUMN_M, straightened
+from lanelib.straighten import COLUMN_M, Straightened, paint_of, straightened
 from lanelib.video import VideoWriter
 
 ROOT = project_root()
@@ -310,6 +310,17 @@ def test_planes_of_a_video_show_the_same(frame, pair):
     for a, b in zip(result.neighbours, pair[1].neighbours, strict=True):
         assert (a.side, a.colour, a.across) == (b.side, b.colour, b.across)
         assert a.width_m == pytest.approx(b.width_m, abs=0.05)
+
+
+def test_the_colour_planes_are_half_a_pixel_of_theirs_to_the_side():
+    """A plane's pixel j has its centre between the frame's pixels 2 j and 2 j + 1: at x the plane shows x / 2 - 1/4."""
+    i, j = np.indices((32, 32))
+    yuv = np.full((96, 64), 128, np.uint8)
+    yuv[64:80] = (128 - i - j).astype(np.uint8).reshape(16, 64)  # U; yellow is 2.213 (128 - U), see paint.py
+    x, y = np.meshgrid(np.arange(10, 50.0), np.arange(10, 50.0))
+    road = Straightened(np.arange(40) * COLUMN_M, np.arange(40.0)[::-1] + 5, *np.float32([x, y]), np.ones_like(x, bool))
+    found = paint_of(yuv, road, 1000.0).yellow - 2.213 * ((x / 2 - 0.25) + (y / 2 - 0.25))
+    assert abs(found.mean()) < 0.2
 
 
 def test_a_held_lane_has_none(frame, monkeypatch):

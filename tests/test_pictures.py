@@ -2,6 +2,8 @@
 
 import os
 import struct
+import threading
+import time
 import zlib
 
 import cv2
@@ -10,7 +12,7 @@ import pytest
 
 from lanelib import pictures
 from lanelib.errors import LanelibError
-from lanelib.pictures import read_image, write_bytes, write_image
+from lanelib.pictures import PICTURE_SUFFIXES, pictures_in, read_image, write_bytes, write_image
 
 RNG = np.random.default_rng(11)
 PHOTO = cv2.GaussianBlur(RNG.integers(0, 256, (90, 130, 3), np.uint8), (0, 0), 1.5)  # neither flat nor symmetric
@@ -205,6 +207,40 @@ def test_written_files_have_ordinary_rights(tmp_path):
         assert write_bytes(tmp_path / "a", b"x").stat().st_mode & 0o777 == 0o644
     finally:
         os.umask(mask)
+
+
+@pytest.mark.parametrize("suffix", PICTURE_SUFFIXES)
+def test_what_a_folder_offers_can_be_read_and_written(tmp_path, suffix):
+    path = write_image(tmp_path / f"a{suffix.upper()}", PHOTO)
+    write_bytes(tmp_path / f"._a{suffix}", b"of macOS")
+    write_bytes(tmp_path / "a.webp", b"which is not read")
+    assert pictures_in(tmp_path) == [path] and read_image(path).shape == PHOTO.shape
+
+
+def test_what_other_threads_print_meanwhile_arrives(tmp_path, capfd):
+    """What a library prints is caught on a descriptor that all threads share."""
+    path, data = tmp_path / "a.jpg", bytearray(jpeg(PHOTO, cv2.IMWRITE_JPEG_RST_INTERVAL, 2))
+    data[-900:-700] = bytes(200)  # libjpeg has something to say
+    path.write_bytes(data)
+    read, said = threading.Event(), 0
+
+    def talk():
+        nonlocal said
+        while not read.is_set():
+            os.write(2, b"another thread %d\n" % said)
+            said += 1
+            time.sleep(0.0005)
+
+    thread = threading.Thread(target=talk)
+    thread.start()
+    try:
+        for _ in range(100):
+            assert "damaged JPEG data" in refused(path)
+    finally:
+        read.set()
+        thread.join()
+    arrived = capfd.readouterr().err.splitlines()
+    assert sorted(arrived) == sorted(f"another thread {i}" for i in range(said))
 
 
 def test_whatever_a_damaged_png_calls_its_parts_the_error_is_one_line(tmp_path):

@@ -111,6 +111,16 @@ def test_lines_may_be_worked_out_when_they_are_asked_for():
     assert LaneResult(None, "none").right_px.shape == (0, 2)
 
 
+def test_with_neighbours_too_lines_are_worked_out_when_they_are_asked_for():
+    finder = LaneFinder(rig(), track=False, neighbours=1)
+    found = finder.process(paint_frame(Lane7(width=3.6)))
+    assert found.status == "measured" and callable(vars(found)["_left_px"])
+
+
+def test_the_time_of_a_row_is_in_milliseconds():
+    assert result(milliseconds=3.14159).to_row("x")["run_time"] == 3.142
+
+
 def test_the_finders_lines_are_those_of_its_view():
     finder = LaneFinder(rig(), track=False)
     found = finder.process(paint_frame(Lane7(centre=0.2, heading=0.02, bend=-1 / 400, width=3.5)))

@@ -1,6 +1,7 @@
 """rig.py: a rig is a file, fits every resolution of its camera, and its tables agree with cv2.projectPoints."""
 
 import json
+import pickle
 
 import cv2
 import numpy as np
@@ -122,6 +123,15 @@ def test_another_resolution_sees_the_same_metres(size_wh):
     for name, value in MOUNTING.items():
         assert scaled.mounting[name] == pytest.approx(value, abs=0.02)
     assert RIG.scaled(SIZE_WH) is RIG
+
+
+def test_a_rig_is_itself_alone_and_its_mounting_stays():
+    """Arrays have no one truth value: rigs are compared by identity, as cameras are."""
+    one, other = rig(), rig()
+    assert one == one and one != other and len({one, other}) == 2
+    one.mounting["height_m"] = 99.0
+    assert one.mounting == other.mounting
+    assert pickle.loads(pickle.dumps(one)).mounting == other.mounting
 
 
 @pytest.mark.parametrize("size_wh", [(1280, 960), (720, 1280), (1, 1), (1280, 700)])

@@ -112,6 +112,21 @@ def test_locate_is_the_inverse_of_point(s, d):
     np.testing.assert_allclose(np.ravel(got), [s, d], atol=1e-4)
 
 
+def test_locate_takes_whole_numbers_and_lists():
+    bend = Road([0], [1 / 200])
+    for points in ([[2, 50]], np.array([[2, 50]]), np.array([[2, 50]], np.uint8)):
+        np.testing.assert_allclose(bend.locate(points), bend.locate(np.array([[2.0, 50.0]])))
+    assert bend.locate(np.array([[2, 50]], np.float32))[0].dtype == np.float32  # pictures are as exact as they were
+
+
+def test_locate_from_far_off_beside_a_tight_bend():
+    """A step must know that stations lie closer together inside a bend, or four of them fall 4 cm short."""
+    bend, s = Road([0, 40, 80], [0, 1 / 25, 0]), np.linspace(20, 70, 40)
+    for d in (-15, 20):
+        got = bend.locate(bend.point(s, d), s_guess=s + 8)
+        np.testing.assert_allclose(got, [s, np.full(40, d)], atol=2e-3)
+
+
 def test_dashes():
     m = Marking(1.8, dash_m=3.05, gap_m=9.14, phase_m=2.0)
     s = np.arange(0, 12.19 * 20, 0.001)
@@ -161,6 +176,29 @@ def test_a_lens_that_bends_near_rows_back_keeps_its_lines():
     assert (x[(rows >= 430) & (rows <= 680)] != -2).all() and (np.diff(x[(rows >= 430) & (rows <= 680)]) < 0).all()
 
 
+def test_lines_beside_the_car_are_in_the_truth():
+    """A camera that looks down steeply sees the road half a metre ahead; no row of the lines it sees is left out."""
+    k = np.array([[300.0, 0, 639.5], [0, 300, 359.5], [0, 0, 1]])
+    mounting = Mounting(1.2, 20)
+    truth = frame_truth(Road([0], [0.0]), CarPose(), mounting, k, np.zeros(5), SIZE, Marking(-1.8), Marking(1.8))
+    rows, x = np.array(truth["h_samples"]), np.array(truth["lanes"][0])
+    y = np.geomspace(0.1, 100, 100000)
+    u, v = opencv_pixels(np.column_stack([np.full(len(y), -1.8), y, np.zeros(len(y))]), mounting, k, np.zeros(5)).T
+    expected = np.interp(rows, v[::-1], u[::-1])
+    inside = (expected > -0.5) & (rows > 360)
+    assert inside[rows >= 560].sum() > 5
+    np.testing.assert_allclose(x[inside], expected[inside], atol=0.02)
+
+
+@pytest.mark.parametrize(("u", "seen"), [(-0.6, False), (-0.4, True), (1279.4, True), (1279.6, False)])
+def test_a_line_is_seen_to_the_outer_edges_of_the_outermost_pixels(u, seen):
+    """A pixel's centre is at whole coordinates: the first column begins at -0.5 and the last ends at w - 0.5."""
+    k = np.array([[1000.0, 0, 639.5], [0, 1000, 359.5], [0, 0, 1]])
+    line = Marking(1.2 * (u - 639.5) / 240.5)  # 240.5 rows below the horizon: 4.99 m ahead
+    truth = frame_truth(Road([0], [0.0]), CarPose(), Mounting(1.2), k, np.zeros(5), SIZE, line, line, h_samples=[600])
+    assert truth["lanes"][0] == ([pytest.approx(u, abs=0.01)] if seen else [-2])
+
+
 def test_left_curves_left_and_offsets_have_the_sign_of_the_contract():
     left_bend = frame_truth(Road([0], [1 / 200]), CarPose(d_m=0.4), Mounting(pitch_deg=1), K, DIST, SIZE, LEFT, RIGHT)
     straight = frame_truth(Road([0], [0.0]), CarPose(d_m=0.4), Mounting(pitch_deg=1), K, DIST, SIZE, LEFT, RIGHT)
@@ -207,7 +245,9 @@ def test_no_lane_is_an_empty_truth():
 
 @pytest.mark.parametrize("bad", [
     lambda: Road([0, 0], [0, 0]), lambda: Road([0, 1], [0]), lambda: Road([0], [300.0]), lambda: Road([0], [np.nan]),
-    lambda: Mounting(height_m=0), lambda: WINDING.point(5000.0)])
+    lambda: Mounting(height_m=0), lambda: WINDING.point(5000.0), lambda: WINDING.point([0.0, np.nan]),
+    lambda: Road([0], [0], s_max_m=-100), lambda: Road([0], [0], s_max_m=np.inf),
+    lambda: Road([0], [0], s_min_m=np.nan), lambda: Marking(1.8, "blue")])
 def test_bad_input_says_so_in_one_line(bad):
     with pytest.raises(LanelibError) as error:
         bad()

@@ -8,7 +8,20 @@ from roads import SIZE_WH, Lane7, joined, points_on_grid, points_on_lane, rig
 
 from lanelib.errors import LanelibError
 from lanelib.finder import LaneFinder
-from lanelib.jointfit import BEND, CENTRE, HEADING, PITCH, UNKNOWN_ROAD, WIDTH, differ, energy_of, fit, line_x
+from lanelib.jointfit import (
+    BEND,
+    CENTRE,
+    HEADING,
+    HILL,
+    PITCH,
+    UNKNOWN_ROAD,
+    WIDTH,
+    confidence_of,
+    differ,
+    energy_of,
+    fit,
+    line_x,
+)
 from lanelib.rig import View
 from lanelib.tracking import (
     ALPHA,
@@ -71,7 +84,7 @@ def test_time_passes_as_fast_at_any_rate():
             0.48 * fps, abs=0.51
         )
         tracker.update(fit)
-        sure = [tracker.is_in_doubt(replace(fit, rms_px=1.0), lost=False) for _ in range(300)]
+        sure = [tracker.decide_to_search(replace(fit, rms_px=1.0), lost=False) for _ in range(300)]
         assert np.diff(np.flatnonzero(sure)) == pytest.approx(fps, abs=1)
         lane = View(rig()).lane(fit)
         before = tracker.road.travelled_m
@@ -169,6 +182,7 @@ def test_a_lane_is_held_for_so_long_and_then_forgotten(hold_frames):
     assert [e.status for e in events] == ["held"] * hold_frames + ["none"] * 3
     assert [e.missed for e in events[:hold_frames]] == list(range(1, hold_frames + 1))
     assert all(e.reason == "fog" for e in events)
+    assert all(e.missed == 0 for e in events[hold_frames:]) and tracker.missed == 0  # of a lane that is held
     assert tracker.fit is None and tracker.predict() is None
 
 
@@ -182,6 +196,18 @@ def test_while_held_the_lane_stays_and_its_uncertainty_grows():
     np.testing.assert_allclose(tracker.fit.mean[:PITCH], before[:PITCH])
     assert (np.diff(spread, axis=0)[:, [CENTRE, HEADING, BEND, WIDTH, PITCH]] > 0).all()
     assert tracker.update(fitted(LANE)).status == "measured" and tracker.missed == 0
+
+
+def test_while_held_the_pitch_returns_to_the_usual_one():
+    """Nobody saw whether the car still nods, or the hill goes on; where the lane is was seen."""
+    lane = replace(LANE, pitch=0.012, hill=1e-4)
+    tracker, held = LaneTracker(), []
+    tracker.update(fitted(lane))
+    tracker.fit = replace(tracker.fit, mean=lane.mean.copy())
+    for _ in range(6):
+        held.append(np.abs(tracker.fit.mean - tracker.background.mean))
+        tracker.update(None, "")
+    assert (np.diff(held, axis=0)[:, [PITCH, HILL]] < 0).all()
 
 
 def test_the_prediction_ends_in_knowing_nothing():
@@ -230,6 +256,39 @@ def test_reset_forgets_the_lane():
     f.see(LANE)
     f.reset()
     assert f.see().status == "none"
+
+
+def test_a_fresh_tracker_is_of_the_same_make():
+    """The finder's reset keeps what its tracker was told, whatever kind of tracker it is."""
+    f = finder()
+    f.tracker = LaneTracker(
+        smoothing="exponential", hold_frames=3, n=2, alpha=0.9, step_std=2 * STEP_STD, fps=30
+    )
+    f.see(LANE)
+    old = f.tracker
+    f.reset()
+    new = f.tracker
+    assert new is not old and new.fit is None
+    for of in ("smoothing", "hold_frames", "n", "alpha", "fps"):
+        assert getattr(new, of) == getattr(old, of)
+    np.testing.assert_array_equal(new.step_std, old.step_std)
+    new.set_fps(10)
+    assert new.hold_frames == 3 and new._history.maxlen == 1
+
+    class Other(LaneTracker):
+        """Another kind."""
+
+    assert isinstance(Other().fresh(), Other) and LaneTracker().fresh().hold_frames == HOLD_FRAMES
+
+
+def test_a_held_lane_is_trusted_less_from_frame_to_frame():
+    f = finder()
+    f.see(LANE)
+    for missed in range(1, HOLD_FRAMES + 1):
+        result = f.see()
+        trust = 1 - missed / (HOLD_FRAMES + 1)
+        assert result.confidence == pytest.approx(confidence_of(result.fit) * trust)
+        assert confidence_of(result.fit) > 0.3
 
 
 # ---------------------------------------------------------------------------------------------- other lanes
@@ -303,7 +362,7 @@ def test_a_sure_lane_is_checked_once_a_second_and_one_less_sure_more_often():
     for rms_px, every in ((1.0, 25), (3.0, 10)):
         fit, tracker = replace(sure, rms_px=rms_px), LaneTracker()
         tracker.update(fit)
-        checked = np.flatnonzero([tracker.is_in_doubt(fit, lost=False) for _ in range(80)])
+        checked = np.flatnonzero([tracker.decide_to_search(fit, lost=False) for _ in range(80)])
         assert len(checked) >= 3 and set(np.diff(checked)) == {every}
 
 
@@ -316,7 +375,7 @@ def test_another_lane_must_be_worth_more_than_the_same_one_put_right():
     for more, taken in ((2.5, (False, False)), (4.0, (True, False)), (5.5, (True, True))):
         for rival, takes in zip((same, other), taken, strict=True):
             tracker = LaneTracker()
-            outcome = [tracker.is_outdone(old, replace(rival, energy=worth + more), lost=False) for _ in range(2)]
+            outcome = [tracker.challenge(old, replace(rival, energy=worth + more), lost=False) for _ in range(2)]
             assert outcome == [False, takes]
 
 
@@ -330,11 +389,11 @@ def test_another_lane_must_have_more_paint_whatever_speaks_against_the_old_one()
             old, mean=old.mean - 0.6 * (np.arange(7) == CENTRE), support=old.support * share, energy=worth + 20
         )
         tracker = LaneTracker()
-        assert [tracker.is_outdone(old, other, lost=False) for _ in range(2)] == [False, takes]
-        assert [LaneTracker().is_outdone(old, other, lost=True)] == [False]
+        assert [tracker.challenge(old, other, lost=False) for _ in range(2)] == [False, takes]
+        assert [LaneTracker().challenge(old, other, lost=True)] == [False]
         same = replace(other, mean=old.mean)
         tracker = LaneTracker()
-        assert [tracker.is_outdone(old, same, lost=False) for _ in range(2)] == [False, True]
+        assert [tracker.challenge(old, same, lost=False) for _ in range(2)] == [False, True]
 
 
 def test_a_rival_must_win_twice_and_then_the_old_lane_is_forgotten():
@@ -342,17 +401,17 @@ def test_a_rival_must_win_twice_and_then_the_old_lane_is_forgotten():
     rival = fitted(replace(LANE, centre=-0.6))
     weak = replace(old, support=old.support * 0.05)
     tracker.update(old)
-    assert not tracker.is_outdone(weak, rival, lost=False) and tracker.fit is not None
-    assert not tracker.is_outdone(weak, None, lost=False)  # a frame without it in between: it must begin again
-    assert not tracker.is_outdone(weak, rival, lost=False)
+    assert not tracker.challenge(weak, rival, lost=False) and tracker.fit is not None
+    assert not tracker.challenge(weak, None, lost=False)  # a frame without it in between: it must begin again
+    assert not tracker.challenge(weak, rival, lost=False)
     road = tracker.road
-    assert tracker.is_outdone(weak, rival, lost=False) and tracker.fit is None
+    assert tracker.challenge(weak, rival, lost=False) and tracker.fit is None
     assert tracker.road is road  # another lane, the same road
     tracker.update(rival)
     assert tracker.fit.mean[CENTRE] == pytest.approx(-0.6, abs=0.01)  # no mean with the lane that was left
     # the same lane again is no rival, nor is one that has less paint
-    assert not any(tracker.is_outdone(rival, rival, lost=False) for _ in range(3))
-    assert not any(tracker.is_outdone(rival, replace(old, energy=0.0), lost=False) for _ in range(3))
+    assert not any(tracker.challenge(rival, rival, lost=False) for _ in range(3))
+    assert not any(tracker.challenge(rival, replace(old, energy=0.0), lost=False) for _ in range(3))
 
 
 # ---------------------------------------------------------------------------------------------- smoothing

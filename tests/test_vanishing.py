@@ -76,6 +76,16 @@ def test_picture_points_lie_on_the_paint():
     assert weights[near] @ (away < 0.1) / weights[near].sum() > 0.9
 
 
+@pytest.mark.parametrize("width", [640, 1280])
+def test_picture_points_are_pixels_of_the_picture_as_given(width):
+    """The crest of an upright stripe is its middle, whatever the size at which it is looked for."""
+    picture = np.full((width * 9 // 16, width, 3), ASPHALT, np.uint8)
+    wide = width // 128
+    picture[:, 400 : 400 + wide] = WHITE
+    points, weights = picture_points(picture)
+    assert weights.sum() > 100 and points[:, 0] @ weights / weights.sum() == pytest.approx(399.5 + wide / 2, abs=0.5)
+
+
 def test_where_most_lines_meet_is_a_candidate_too():
     """Lines of other lanes: none is a pair with the car between them, and together they show where the road leads."""
     others = [(lambda y, x=x: x + 0 * y, 0.15, WHITE) for x in (-5.5, 5.5, 9.2, 12.9)]

@@ -4,21 +4,12 @@ overlay         the lane on the frame, with a read-out (`overlay_bgr`, `overlay_
 diagnostic      everything about one frame on one picture
 birdseye        a bird's-eye view with metre rulers, lane and paint points
 side_by_side    pictures with titles
-draw_…          marks on a picture: points, lines, polygons, windows, chessboard corners
+draw_…          marks on a picture: points, lines, windows, chessboard corners
 """
 
 from lanelib.draw.canvas import Canvas
 from lanelib.draw.lettering import put_text
-from lanelib.draw.marks import (
-    difference,
-    draw_corners,
-    draw_line,
-    draw_points,
-    draw_polygon,
-    draw_windows,
-    heat,
-    mask_to_colour,
-)
+from lanelib.draw.marks import difference, draw_corners, draw_line, draw_points, draw_windows, heat
 from lanelib.draw.overlays import (
     draw_overlay,
     offset_text,
@@ -46,12 +37,10 @@ __all__ = [
     "draw_line",
     "draw_overlay",
     "draw_points",
-    "draw_polygon",
     "draw_windows",
     "fitted",
     "heat",
     "histogram_panel",
-    "mask_to_colour",
     "offset_text",
     "overlay",
     "overlay_bgr",

@@ -12,6 +12,8 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
+from lanelib.errors import LanelibError
+
 CAP, ABOVE, BELOW = 7.0, 8.0, 2.6  # grid units: height of a capital; of the box above and below the base line
 GAP, SPACE = 1.75, 2.6  # units between the middles of strokes of two letters; width of a blank
 REGULAR, BOLD = 0.85, 1.2  # stroke widths in units; a capital is 7 high, so 1:8 and 1:6
@@ -176,8 +178,10 @@ def put_text(
     """Write ``text`` into ``picture`` in place; ``xy`` is where its base line begins, has its middle or ends
     (``align`` left, centre, right)."""
     mask, base = text_mask(text, cap_px, bold=bold)
-    shift = {"left": 0.0, "centre": mask.shape[1] / 2, "right": mask.shape[1]}[align]
-    stamp(picture, mask, (round(xy[0] - shift), round(xy[1]) - base), colour)
+    shifts = {"left": 0.0, "centre": mask.shape[1] / 2, "right": mask.shape[1]}
+    if align not in shifts:
+        raise LanelibError(f"text must be aligned {', '.join(shifts)}, found {align!r}")
+    stamp(picture, mask, (round(xy[0] - shifts[align]), round(xy[1]) - base), colour)
 
 
 def shortened(text: str, cap_px: float, width_px: float, *, bold: bool = False) -> str:

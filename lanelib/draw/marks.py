@@ -1,4 +1,4 @@
-"""Marks on pictures: masks in colour, heat, points, lines, windows, corners. A picture in, a new picture out.
+"""Marks on pictures: heat, points, lines, windows, corners. A picture in, a new picture out.
 
 Pictures are (H, W, 3) uint8 BGR (grey ones are taken too); positions are pixels x, y, centres at integers.
 """
@@ -10,29 +10,8 @@ import numpy as np
 
 from lanelib.channels import as_bgr, one_channel
 from lanelib.draw.canvas import Canvas
-from lanelib.draw.lettering import put_text
 from lanelib.draw.palette import SERIES, bgr
 from lanelib.errors import LanelibError
-
-
-def mask_to_colour(
-    mask: np.ndarray, colour: str = "#ffffff", *, over: np.ndarray | None = None, opacity: float = 0.8
-) -> np.ndarray:
-    """A mask (H, W) as a picture: ``colour`` wherever it is not 0 (so 0/1, 0/255 and bool all show), black
-    elsewhere, or the picture ``over`` (H, W, 3), which the colour covers by ``opacity``."""
-    mask = np.asarray(mask)
-    if mask.ndim != 2:
-        raise LanelibError(f"a mask (H, W) is needed, found shape {mask.shape}; give one channel")
-    on = mask != 0
-    if over is None:
-        return np.where(on[:, :, None], np.array(bgr(colour), np.uint8), np.uint8(0))
-    picture = _copy(over)
-    if picture.shape[:2] != mask.shape:
-        raise LanelibError(
-            f"mask and picture must be of one size, found {mask.shape} and {picture.shape[:2]}; warp both or neither"
-        )
-    picture[on] = np.round((1 - opacity) * picture[on] + opacity * np.array(bgr(colour)))
-    return picture
 
 
 def heat(values: np.ndarray, *, top: float | None = None) -> np.ndarray:
@@ -49,6 +28,8 @@ def difference(first: np.ndarray, second: np.ndarray, *, gain: float = 4.0) -> n
     first, second = as_bgr(first), as_bgr(second)
     if first.shape != second.shape:
         raise LanelibError(f"two pictures of one size are needed, found {first.shape} and {second.shape}")
+    if not gain > 0:
+        raise LanelibError(f"a difference needs a gain above 0, found {gain}")
     return heat(cv2.absdiff(first, second).max(axis=2), top=255 / gain)
 
 
@@ -84,6 +65,8 @@ def draw_line(
 
 def line_in_place(picture, xy, colour, width_px=2.0, *, dashed=False, closed=False, outline=False) -> None:
     """`draw_line` into ``picture`` itself; ``colour`` as BGR."""
+    if not 0 < width_px < np.inf:
+        raise LanelibError(f"a line must be wider than 0 px, found {width_px}")
     points = np.asarray(xy, float).reshape(-1, 2)
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) < 2:
@@ -101,27 +84,6 @@ def line_in_place(picture, xy, colour, width_px=2.0, *, dashed=False, closed=Fal
     if outline:
         cv2.polylines(picture, fixed, False, (0, 0, 0), max(1, round(width_px)) + 2, cv2.LINE_AA, 4)
     cv2.polylines(picture, fixed, False, colour, max(1, round(width_px)), cv2.LINE_AA, 4)
-
-
-def draw_polygon(
-    picture: np.ndarray,
-    xy,
-    colour: str = "trapezoid",
-    *,
-    opacity: float = 0.18,
-    width_px: float = 2.0,
-    names: bool = False,
-) -> np.ndarray:
-    """A polygon (N, 2) with a translucent inside and a ring at each corner; ``names`` numbers the corners from 1."""
-    picture, points = _copy(picture), np.asarray(xy, float).reshape(-1, 2)
-    top = _scaled(picture)
-    Canvas.of_bgr(picture).fill([points], bgr(colour), opacity=opacity)
-    line_in_place(picture, points, bgr(colour), width_px * top, closed=True)
-    for i, (x, y) in enumerate(points, 1):
-        ring_in_place(picture, (x, y), bgr(colour), 5 * top)
-        if names:
-            put_text(picture, str(i), (x + 9 * top, y - 6 * top), bgr("text"), cap_px=12 * top, bold=True)
-    return picture
 
 
 def ring_in_place(picture, xy, colour, radius_px) -> None:
@@ -169,9 +131,10 @@ def draw_corners(picture: np.ndarray, corners_xy, board_wh: tuple[int, int]) -> 
     (columns, rows) inner corners. Each row has a colour, the first corner a ring; fewer corners than the board
     has (not found) are plain red dots."""
     picture, corners = _copy(picture), np.asarray(corners_xy, float).reshape(-1, 2)
+    corners = corners[np.isfinite(corners).all(axis=1)]
     columns, rows = board_wh
     top = _scaled(picture)
-    if len(corners) != columns * rows:
+    if not len(corners) or len(corners) != columns * rows:
         return draw_points(picture, corners, "none", radius_px=4)
     grid = corners.reshape(rows, columns, 2)
     spacing = float(np.median(np.hypot(*np.diff(grid, axis=1).reshape(-1, 2).T))) if columns > 1 else 20.0

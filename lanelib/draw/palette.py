@@ -5,6 +5,10 @@ which people with any kind of colour vision can tell apart. Colours are written 
 them; `bgr` gives what OpenCV takes.
 """
 
+import re
+
+from lanelib.errors import LanelibError
+
 # Okabe and Ito, "Color universal design", 2008
 VERMILLION, BLUE, GREEN, ORANGE, SKY, PURPLE, YELLOW = (
     "#d55e00",
@@ -44,5 +48,7 @@ PALETTE = {
 
 def bgr(name: str) -> tuple[int, int, int]:
     """A colour of PALETTE, or any "#rrggbb", as OpenCV's (blue, green, red)."""
-    code = PALETTE.get(name, name)
+    code = PALETTE.get(name, name) if isinstance(name, str) else ""
+    if not re.fullmatch("#[0-9a-fA-F]{6}", code):
+        raise LanelibError(f"a colour must be '#rrggbb' or a name of draw.PALETTE, found {name!r}")
     return int(code[5:7], 16), int(code[3:5], 16), int(code[1:3], 16)

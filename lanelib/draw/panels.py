@@ -6,6 +6,7 @@ All functions take pictures (H, W, 3) uint8 BGR or masks (H, W) uint8 and give a
 from __future__ import annotations
 
 import math
+from itertools import count
 
 import cv2
 import numpy as np
@@ -19,7 +20,6 @@ from lanelib.errors import LanelibError
 from lanelib.search import find_peaks, histogram
 
 GAP = 12  # between pictures, and around them
-TITLE = 24  # rows above a picture for its title
 
 
 def fitted(picture: np.ndarray, size_wh: tuple[int, int], *, stretch: bool = False) -> np.ndarray:
@@ -58,9 +58,11 @@ def side_by_side(
         )
     if any(p.ndim < 2 or not p.size for p in pictures):
         raise LanelibError(f"pictures (H, W) or (H, W, 3) are needed, found shapes {[p.shape for p in pictures]}")
-    height = height or min(480, *(p.shape[0] for p in pictures), 480)
-    widths = [max(1, round(p.shape[1] * height / p.shape[0])) for p in pictures]
+    height = height or min(480, *(p.shape[0] for p in pictures))
     columns = columns or len(pictures)
+    if height < 1 or columns < 1:
+        raise LanelibError(f"a height and a number of columns above 0 are needed, found {height} and {columns}")
+    widths = [max(1, round(p.shape[1] * height / p.shape[0])) for p in pictures]
     rows = [range(i, min(i + columns, len(pictures))) for i in range(0, len(pictures), columns)]
     head = round(2.2 * cap_px) if any(titles) else 0
     width = max(sum(widths[i] for i in row) + GAP * (len(row) - 1) for row in rows)
@@ -130,11 +132,12 @@ def birdseye(
 
 
 def _rulers(picture, grid, scale) -> None:
-    """Hairlines every 10 m ahead and every metre (long every 2 m) to the sides at the lower edge, with numbers."""
+    """Up to ten hairlines ahead (every 5 m in 40 m) and every metre (long every 2 m) to the sides at the lower edge,
+    with numbers."""
     height, width = picture.shape[:2]
     cap = max(7, round(14 * scale))
     canvas = Canvas.of_bgr(picture)
-    step = next(s for s in (1, 2, 5, 10, 20, 50, 100) if s * 10 >= grid.y_m[0] - grid.y_m[-1])
+    step = next(s * 10**k for k in count() for s in (1, 2, 5) if s * 10 ** (k + 1) >= grid.y_m[0] - grid.y_m[-1])
     for metres in np.arange(math.ceil(grid.y_m[-1] / step) * step, grid.y_m[0], step):
         v = pixels_of_road(grid, [(0, metres)])[0, 1]
         canvas.fill(
