@@ -30,6 +30,13 @@ def as_bgr(frame: np.ndarray) -> np.ndarray:
     return frame if frame.shape[2] == 3 else np.ascontiguousarray(frame[:, :, :3])
 
 
+def yuv420_planes(frame_yuv: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The planes Y (H, W), U and V (H / 2, W / 2) of a YUV420p frame (H * 3 / 2, W) in one piece, as views into it."""
+    height, width = frame_yuv.shape[0] * 2 // 3, frame_yuv.shape[1]
+    u, v = frame_yuv[height:].reshape(2, height // 2, width // 2)
+    return frame_yuv[:height], u, v
+
+
 def one_channel(values: np.ndarray) -> np.ndarray:
     """The array itself if it is one channel (H, W) of numbers with at least one pixel; else LanelibError.
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from lanelib.birdseye import BirdsEye, Grid
 from lanelib.camera import Camera
+from lanelib.channels import yuv420_planes
 from lanelib.errors import LanelibError
 from lanelib.jointfit import SIDES, JointFit, Points, distance, line_x
 from lanelib.lane import Lane
@@ -175,11 +176,10 @@ class View:
 
     def _luma_and_yellow(self, frame_yuv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The planes' part below the horizon makes one plane of yellow, and that is warped: one look-up less."""
-        width, height = self.rig.size_wh
-        luma = cv2.remap(frame_yuv[:height], *self._table, cv2.INTER_LINEAR)
+        y, u, v = yuv420_planes(frame_yuv)
+        luma = cv2.remap(y, *self._table, cv2.INTER_LINEAR)
         first, half_table = self._half_table
-        u, v = frame_yuv[height:].reshape(2, height // 2, width // 2)[:, first:]
-        return luma, cv2.remap(yellow_of_uv(u, v), *half_table, cv2.INTER_LINEAR)
+        return luma, cv2.remap(yellow_of_uv(u[first:], v[first:]), *half_table, cv2.INTER_LINEAR)
 
     def _with_shining(self, brightness: np.ndarray, scan: np.ndarray, frame: np.ndarray, between) -> np.ndarray:
         """``brightness`` (H, W), more by what the ``frame`` is brighter half way to the next row than in the ``scan``

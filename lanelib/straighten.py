@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from lanelib.channels import yuv420_planes
 from lanelib.jointfit import (
     BEND,
     CENTRE,
@@ -113,11 +114,10 @@ def paint_of(frame: np.ndarray, road: Straightened, focal_px: float) -> Paint:
     if frame.ndim == 3:
         brightness, yellow = paint_channels(road.picture(frame))
     else:
-        height, width = frame.shape[0] * 2 // 3, frame.shape[1]
+        luma, u, v = yuv420_planes(frame)
         # pixel centres are at integers, in planes of half the size, too
         half = replace(road, map_x=road.map_x / 2 - np.float32(0.25), map_y=road.map_y / 2 - np.float32(0.25))
-        planes = (half.picture(p.reshape(height // 2, width // 2)) for p in np.split(frame[height:].reshape(-1), 2))
-        brightness, yellow = brightness_of_luma(road.picture(frame[:height])), yellow_of_uv(*planes)
+        brightness, yellow = brightness_of_luma(road.picture(luma)), yellow_of_uv(half.picture(u), half.picture(v))
     z, _ = evidence_of(brightness, yellow, column_m=COLUMN_M)
     z[~road.inside] = 0
     points = paint_points(z)

@@ -24,6 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lanelib.channels import yuv420_planes
 from lanelib.errors import LanelibError
 from lanelib.ffmpeg import (
     INDEXED,
@@ -186,9 +187,8 @@ class FrameReader:
         """The parts of the frame that ffmpeg sends, one after the other."""
         if not self._first_row:
             return [picture]
-        height, width = self.shape[0] * 2 // 3, self.shape[1]
-        halves = picture[height:].reshape(2, height // 2, width // 2)
-        return [picture[self._first_row : height], *halves[:, self._first_row // 2 :]]
+        y, u, v = yuv420_planes(picture)
+        return [y[self._first_row :], u[self._first_row // 2 :], v[self._first_row // 2 :]]
 
     def close(self) -> None:
         """End ffmpeg; needed only when the frames were not read to the end. Harmless twice."""

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from lanelib import draw
 from lanelib.birdseye import Grid
+from lanelib.channels import yuv420_planes
 from lanelib.draw.canvas import Canvas, Layer
 from lanelib.draw.lettering import _GLYPHS, put_text, shortened, stamp, text_mask, text_width, wrapped
 from lanelib.draw.overlays import AREA_OPACITY, LINE_WIDTH, read_out, ribbon
@@ -240,6 +241,13 @@ def test_drawing_on_yuv_planes_gives_the_picture_drawn_in_bgr(size_wh, status):
     assert np.abs(drawn[:h] - luma).max() <= 6  # rounding of colours, nothing of place
     difference = np.abs(cv2.cvtColor(drawn, cv2.COLOR_YUV2BGR_I420).astype(int) - expected)
     assert difference.mean() < 1.0 and np.percentile(difference, 99) < 12  # chroma has half the resolution
+
+
+def test_the_planes_of_a_frame_are_views_into_it():
+    frame = np.zeros((90, 64), np.uint8)
+    for i, plane in enumerate(yuv420_planes(frame), 1):
+        plane[:] = i
+    assert (frame[:60] == 1).all() and (frame[60:75] == 2).all() and (frame[75:] == 3).all()
 
 
 @pytest.mark.parametrize("shape", [(100, 64), (90, 63), (0, 0), (90, 64, 3)])

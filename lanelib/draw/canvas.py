@@ -13,6 +13,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
+from lanelib.channels import yuv420_planes
 from lanelib.errors import LanelibError
 
 SHIFT = 4  # OpenCV's fixed-point coordinates: 1/16 px
@@ -66,12 +67,10 @@ class Canvas:
             raise LanelibError(
                 f"a YUV420p frame (H*3/2, W) of uint8 in one piece is needed, found {_found(frame)}; H and W are even"
             )
-        shape = frame.shape
-        height, width = shape[0] * 2 // 3, shape[1]
-        u, v = frame[height:].reshape(2, height // 2, width // 2)
+        y, u, v = yuv420_planes(frame)
         return cls(
-            (Plane(frame[:height], 1.0, slice(0, 1)), Plane(u, 0.5, slice(1, 2)), Plane(v, 0.5, slice(2, 3))),
-            (width, height),
+            (Plane(y, 1.0, slice(0, 1)), Plane(u, 0.5, slice(1, 2)), Plane(v, 0.5, slice(2, 3))),
+            (y.shape[1], y.shape[0]),
         )
 
     @property
