@@ -33,6 +33,7 @@ from lanelib.outputs import (
     picture_output,
     raw_names,
     refuse_one_name,
+    refuse_other_kind,
     refuse_same,
     taken_names,
     video_output,
@@ -123,6 +124,7 @@ def image(args: argparse.Namespace, console: Console) -> int:
     """The lane in single pictures, each on its own; one that cannot be used does not stop the others."""
     recipe_by_name(args.recipe)
     refuse_one_name(args.output, args.pictures, datasets.PICTURE_SUFFIXES, "pictures")
+    refuse_other_kind(args.output)
     failed = 0
     taken = taken_names(args.json)
     sources = [*args.pictures, *_rig_files(args)]

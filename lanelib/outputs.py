@@ -13,6 +13,7 @@ from lanelib import datasets, rigs
 from lanelib.errors import LanelibError, one_line
 from lanelib.parts import is_special, numbered, part_of, remove_abandoned
 
+OTHER_PICTURES = (".gif", ".heic", ".pdf", ".svg", ".tif", ".tiff", ".webp")
 OUTPUT = "lanelib_output"  # folder of results of pictures that are of no data set, without -o
 
 
@@ -201,6 +202,14 @@ def free_name(path: Path, taken: set[str]) -> Path:
     free = next(name for name in numbered(path) if str(name).casefold() not in taken)
     taken.add(str(free).casefold())
     return free
+
+
+def refuse_other_kind(given: Path | None) -> None:
+    """LanelibError where -o names a picture of a kind that is not written; else it would become a folder's name."""
+    if given is not None and given.suffix.lower() in OTHER_PICTURES and not given.is_dir():
+        raise LanelibError(
+            f"{given}: needed a folder, or a name that ends in .jpg or .png, found {given.suffix}; choose another -o"
+        )
 
 
 def refuse_one_name(given: Path | None, paths: list[Path], suffixes: Iterable[str], what: str) -> None:

@@ -100,7 +100,7 @@ def find_peaks(
     if smooth_px < 1 or smooth_px % 2 == 0:
         raise LanelibError(f"an odd smoothing width of 1 or more is needed, found {smooth_px}; add 1")
     centre = (width - 1) / 2 if centre is None else min(max(centre, 0), width - 1)
-    split = round(centre + 0.5)  # the first column on the right
+    split = int(centre) + 1  # the first column on the right
     peaks: list[int | None] = []
     for side in (slice(None, split), slice(split, None)):
         sums = np.zeros(width)  # each side is smoothed alone: a stripe across the middle must not count for the other

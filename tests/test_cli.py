@@ -164,6 +164,12 @@ def test_stages_replace_no_picture_that_is_read(place, capsys):
     assert stage.read_bytes() == as_before
 
 
+def test_a_picture_of_another_kind_is_no_folders_name(place, capsys):
+    for name in ("out.gif", "out.webp"):
+        refused(capsys, "image", "road.png", "--rig", "rig.json", "-o", name, match="ends in .jpg or .png")
+    assert not list(place.glob("out*"))
+
+
 def test_pictures_and_rows_of_one_run_have_two_names(place, capsys):
     run("image", "road.png", "--rig", "rig.json", "-o", "both.jpg", "--json", "both.jpg", capsys=capsys)
     assert json.loads(Path("both.jpg").read_text())["raw_file"] == "road.png"

@@ -64,6 +64,8 @@ def test_the_centre_divides_between_columns():
     assert find_peaks(sums, smooth_px=1) == (None, 5)
     assert find_peaks(sums, centre=4.6, smooth_px=1) == (None, 5)
     assert find_peaks(sums, centre=5.4, smooth_px=1) == (5, None)
+    for width in (5, 7, 9):  # the middle one of an odd number is on the left
+        assert find_peaks(np.eye(width)[width // 2], smooth_px=1) == (width // 2, None)
 
 
 @pytest.mark.parametrize("kind", [bool, np.uint8, np.int64, np.float32])
