@@ -217,6 +217,8 @@ def line_in_car_axes(road: Road, pose: CarPose, d_m: float, s_m: np.ndarray) -> 
     return (world - m[:3, 3]) @ m[:3, :3]
 
 
+# `project` and `fold_radius2` say once more what `Camera.project` and `distortion.fold_radius` say, on purpose: the
+# truth must not share a mistake with the camera that is judged by it.
 def project(points_m: np.ndarray, mounting: Mounting, camera_matrix: np.ndarray, distortion: np.ndarray) -> np.ndarray:
     """Pixels (n, 2) of points (n, 3) in the car's road axes, through the lens (Brown-Conrady, OpenCV's order).
 
