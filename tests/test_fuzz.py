@@ -8,6 +8,7 @@ import contextlib
 import itertools
 import json
 import math
+from dataclasses import replace
 
 import clips
 import cv2
@@ -17,7 +18,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from lanelib import channels, chessboard, cli, draw, paint, rigs, road, search, stages, threshold
-from lanelib.birdseye import BirdsEye, map_points
+from lanelib.birdseye import BirdsEye, Grid, map_points
 from lanelib.camera import Camera
 from lanelib.errors import LanelibError
 from lanelib.finder import LaneFinder, LaneResult
@@ -89,7 +90,7 @@ def arrays(draw_):
 IMAGE_FUNCTIONS = {
     "undistort": CAMERA.undistort,
     "warp": RIG.birdseye.warp,
-    "unwarp": RIG.birdseye.unwarp,
+    "unwarp": replace(RIG.birdseye, grid=Grid.uniform(size_wh=(160, 90))).unwarp,
     "hsv_white": channels.hsv_white,
     "hsv_yellow": channels.hsv_yellow,
     "equalise_lightness": channels.equalise_lightness,
