@@ -25,7 +25,6 @@ STEP_COLOURS = {
 LARGEST_BYTES = 30 << 20  # larger than any array of a frame, and below the 32 MB up to which glibc learns
 
 
-
 def milliseconds(steps: Mapping[str, Callable[[], object]], *, repeat: int = 7) -> dict[str, float]:
     """CPU time of each step in ms, the best of ``repeat`` calls in a row, in one thread: what another program takes
     away shows in the others."""
