@@ -60,7 +60,7 @@ class DashPeriod:
         if abs(off) > DASH_NEAR:
             norms = ", ".join(f"{name} {norm}" for name, norm in DASH_PERIODS_M.items())
             return f"{measured}: near no norm of the US ({norms})"
-        return f"{measured}: if it is the nearest norm, {length} ({name}), longitudinal scale off by {100 * off:+.1f} %"
+        return f"{measured}: nearest norm {length} ({name}), longitudinal scale off by {100 * off:+.1f} %"
 
 
 def line_profile(
