@@ -42,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             from lanelib import commands  # here: --help answers without OpenCV
 
         to_stderr = str(getattr(args, "json", None)) == "-"
-        console = commands.Console(quiet=getattr(args, "quiet", False), to_stderr=to_stderr)
+        console = commands.Console(quiet=getattr(args, "quiet", False), to_stderr=to_stderr, came=came)
         code = getattr(commands, args.command)(args, console)
         sys.stdout.flush()
         return code
@@ -54,6 +54,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         _silence_stdout()
         return BROKEN_PIPE
     except LanelibError as error:
+        if came:  # a library may make another error of it
+            return _ended_by(came, error)
         _complain(error, error)
         return BAD_INPUT
     except OSError as error:  # a folder that may not be listed, a full disk under a redirected stdout
@@ -61,7 +63,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _complain(f"{error.filename or 'input or output'}: {error.strerror or error}", error)
         return BAD_INPUT
     except Exception as error:
-        if came:  # a library that is just being loaded may make another error of it
+        if came:
             return _ended_by(came, error)
         if os.environ.get("LANELIB_DEBUG") == "1":
             raise

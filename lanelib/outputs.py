@@ -4,7 +4,7 @@ import json
 import os
 import sys
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
@@ -20,11 +20,12 @@ OUTPUT = "lanelib_output"  # folder of results of pictures that are of no data s
 class Console:
     """What the user reads: results on stdout, what went on and what went wrong on stderr.
 
-    `to_stderr`: stdout carries JSON, so that results are said on stderr too. `quiet`: only what went wrong.
+    `to_stderr`: stdout carries JSON, so that results are said on stderr too. `quiet`: only what went wrong. `came`: the
+    signals that came so far.
     """
 
-    def __init__(self, *, quiet: bool = False, to_stderr: bool = False):
-        self.quiet, self._results = quiet, sys.stderr if to_stderr else sys.stdout
+    def __init__(self, *, quiet: bool = False, to_stderr: bool = False, came: Sequence[int] = ()):
+        self.quiet, self._results, self._came = quiet, sys.stderr if to_stderr else sys.stdout, came
 
     def result(self, text: object) -> None:
         """What the command was asked for: tables, and where what was written."""
@@ -43,7 +44,10 @@ class Console:
             self.result(f"wrote {path}")
 
     def complain(self, text: object) -> None:
-        """What could not be done; one line whatever is in it."""
+        """What could not be done; one line whatever is in it. Where a signal came, a library has made this failure of
+        it: KeyboardInterrupt, so that the run ends."""
+        if self._came:
+            raise KeyboardInterrupt
         sys.stderr.write(f"lanelib: {one_line(text, text)}\n")
         sys.stderr.flush()
 

@@ -714,6 +714,29 @@ def test_a_signal_is_told_even_while_a_picture_is_decoded(place, capfd, monkeypa
     assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)] == before
 
 
+@pytest.mark.parametrize("names", [["road.png"], ["road.png", "again.png", "third.png"]])
+@pytest.mark.parametrize("number, code, word", [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "ended by")])
+def test_a_signal_that_a_library_makes_an_error_of_ends_the_run(
+    place, road, monkeypatch, capfd, names, number, code, word
+):
+    """As matplotlib does, where it comes while a number is converted: "Invalid bounding box"."""
+    for name in names[1:]:
+        cv2.imwrite(name, road[0])
+    tried = []
+
+    def swallowed(*_, **__):
+        tried.append(1)
+        try:
+            signal.raise_signal(number)
+        except KeyboardInterrupt:
+            raise LanelibError("cannot write road.jpg: Invalid bounding box") from None
+
+    monkeypatch.setattr(commands, "write_pictures", swallowed)
+    assert cli.main(["image", *names, "--rig", "rig.json", "-o", "out"]) == code
+    err = capfd.readouterr().err
+    assert err.startswith(f"lanelib: {word}") and len(err.splitlines()) == 1 and len(tried) == 1
+
+
 @pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="signals cannot be held back on this system")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signals_wait_while_libraries_are_loaded(number):
