@@ -38,12 +38,12 @@ def nice_step(span: float, count: int = 5) -> float:
 
 
 def ticks_in(span: tuple[float, float], count: int = 5) -> tuple[np.ndarray, float]:
-    """Some ``count`` ticks over ``span`` (low, high), at least two of them, and their distance."""
-    ticks: np.ndarray = np.zeros(0)
-    while len(ticks) < 2:
-        step = nice_step(span[1] - span[0], count)
+    """Some ``count`` (4 or more) ticks over ``span`` (low, high), at least two of them, and their distance."""
+    for more in (count, 2 * count):
+        step = nice_step(span[1] - span[0], more)
         ticks = np.arange(math.ceil(span[0] / step - 1e-6), math.floor(span[1] / step + 1e-6) + 1) * step
-        count *= 2
+        if len(ticks) > 1:
+            break
     return ticks, step
 
 
