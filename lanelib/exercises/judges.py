@@ -113,12 +113,16 @@ def choice(
         return verdict
     if not isinstance(answer, str):
         return not_yet(f"one of {', '.join(map(repr, among))} is needed, found {type(answer).__name__}")
-    word = answer.strip().lower().replace("_", " ")
-    if word == expected.lower():
+    word = _plain(answer)
+    if word == _plain(expected):
         return right(said)
-    if word not in [one.lower() for one in among]:
+    if word not in map(_plain, among):
         return not_yet(f"one of {', '.join(map(repr, among))} is needed, found {answer!r}")
-    return not_yet({k.lower(): v for k, v in (hints or {}).items()}.get(word, "look at the figure above again"))
+    return not_yet({_plain(k): v for k, v in (hints or {}).items()}.get(word, "look at the figure above again"))
+
+
+def _plain(word: str) -> str:
+    return word.strip().lower().replace("_", " ")
 
 
 def function(answer, cases, judge: Callable[..., Verdict], **options) -> Verdict:
