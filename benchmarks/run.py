@@ -60,7 +60,7 @@ def stage_costs(rig: Rig, stills: list[np.ndarray], rounds: int) -> tuple[dict[s
     ready = []
     for frame in stills:
         channels = view.paint_channels(frame)
-        z, picture = evidence_of(*channels, column_m=SCAN_COLUMN_M)
+        z = evidence_of(*channels, column_m=SCAN_COLUMN_M)
         points = view.points(paint_points(z))
         starts = hypotheses(points)
         result = finder.process(frame)

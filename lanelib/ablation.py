@@ -319,7 +319,7 @@ def view_of_size(rig: Rig, *, column_m: float, rows: int) -> View:
 def lane_in_view(view: View, frame_bgr: np.ndarray) -> Lane | None:
     """The best lane of one frame (H, W, 3) uint8 BGR as this view sees it, or None. Rows count by the road they cover,
     so that a view with few of them is not at a disadvantage."""
-    z, _ = evidence_of(*view.paint_channels(frame_bgr), column_m=view.grid.column_m)
+    z = evidence_of(*view.paint_channels(frame_bgr), column_m=view.grid.column_m)
     points = view.points(paint_points(z))
     points = replace(points, weight=points.weight * SCAN_ROWS / points.n_rows)
     fits = jointfit.fits(points, hypotheses(points))

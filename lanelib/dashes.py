@@ -69,7 +69,7 @@ def line_profile(
     """Paint weight 0..1 along the left (``side`` -1) or right (+1) line of ``fit``: distances (N,) in m, descending;
     weights (N,)."""
     view, mean = finder.view((frame_bgr.shape[1], frame_bgr.shape[0])), fit.mean
-    z, _ = paint_evidence(view.scan(frame_bgr), column_m=SCAN_COLUMN_M)
+    z = paint_evidence(view.scan(frame_bgr), column_m=SCAN_COLUMN_M)
     y = distance(1 / view.grid.y_m, mean, view.height_m)
     column = view.grid.column_of(line_x(y, mean, side) / y * view.grid.y_m)
     rows = np.flatnonzero(

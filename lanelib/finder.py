@@ -31,6 +31,7 @@ from lanelib.paint import evidence_of, paint_channels, paint_points
 from lanelib.result import LaneResult, line_at_rows
 from lanelib.rig import SCAN_COLUMN_M, Rig, View
 from lanelib.tracking import FPS, LaneTracker
+from lanelib.verge import MOST_VALUE, verge_objection
 
 __all__ = ["LaneFinder", "LaneResult", "Rig", "View", "confidence_of", "line_at_rows"]
 
@@ -41,6 +42,7 @@ MINIMUM_ROWS = 6.5  # of clear paint on both lines together, of 112: a dash furt
 ONE_LINE_ROWS = 13.0
 MINIMUM_CONFIDENCE = 0.08  # lanes in glare and forest have 0.1 and more, specks on a road without paint 0.05
 MODELS = ("joint", "windows")
+Channels = tuple[np.ndarray, np.ndarray]
 
 
 class LaneFinder:
@@ -140,19 +142,19 @@ class LaneFinder:
         return stages(frame_bgr, self)
 
     # ------------------------------------------------------------------ the joint model
-    def points(self, frame: np.ndarray, view: View) -> tuple[Points, np.ndarray]:
-        """Paint points of a frame (BGR, or YUV420p where 2-D), in the finder's or the textbook order, and the (H, W)
-        uint8 picture in which they were seen."""
+    def points(self, frame: np.ndarray, view: View) -> tuple[Points, Channels]:
+        """Paint points of a frame (BGR, or YUV420p where 2-D), in the finder's or the textbook order, and brightness
+        and yellowness, (H, W) uint8 each, of the bird's-eye picture in which they were seen."""
         if self.order == "finder":
-            z, picture = evidence_of(*view.paint_channels(frame), column_m=SCAN_COLUMN_M)
-            return view.points(paint_points(z)), picture
+            channels = view.paint_channels(frame)
+            return view.points(paint_points(evidence_of(*channels, column_m=SCAN_COLUMN_M))), channels
         if self.recipe.name != threshold.DEFAULT_RECIPE:
             mask = view.scan_undistorted(self.mask(frame, view))
-            return view.points_of_mask(mask), mask
+            return view.points_of_mask(mask), (mask, np.zeros_like(mask))
         undistorted, horizon = view.rig.camera.undistort(as_bgr(frame)), view.rig.birdseye.horizon_row_px
         response = threshold.paint_response(undistorted, horizon_row=horizon, camera_height_m=view.height_m)
         z = cv2.blur(view.scan_undistorted(response), (3, 3))
-        return view.points(paint_points(z)), cv2.add(*paint_channels(view.scan_undistorted(undistorted)))
+        return view.points(paint_points(z)), paint_channels(view.scan_undistorted(undistorted))
 
     def mask(self, frame: np.ndarray, view: View) -> np.ndarray:
         """The recipe's mask (H, W) uint8 0/255 of the undistorted frame; the project's own recipe is told the rig's
@@ -173,15 +175,19 @@ class LaneFinder:
         """The best lane anywhere, as before the first frame."""
         return self._best(*self.points(frame, view), view)
 
-    def _best(self, points: Points, picture: np.ndarray, view: View, *, least_energy: float = -math.inf, known=None):
+    def _best(self, points: Points, channels: Channels, view: View, *, least_energy: float = -math.inf, known=None):
         """The best lane around the car that these paint points can be; starts estimated below ``least_energy``, and
         those that lead to the lane that is ``known``, are not followed."""
         prior = self.tracker.background
         starts = hypotheses(points, prior=prior, least_energy=least_energy, known=known)
         fits = [fit for fit in jointfit.fits(points, starts, prior=prior) if jointfit.holds_car(fit.mean, beside_m=0.0)]
-        verdicts = []
-        for fit in sorted(fits, key=lambda fit: -fit.energy):
-            verdicts.append(self._judge(replace(fit, inward_m=inward(fit, picture, view.grid)), begins=True))
+        best = max((fit.energy for fit in fits), default=0.0)
+        close = sum(fit.energy > best - MOST_VALUE for fit in fits) > 1
+        if close or known is not None:  # where paint alone does not decide
+            fits = [replace(fit, objection=verge_objection(channels[1], view.grid, fit)) for fit in fits]
+        verdicts, bright = [], cv2.add(*channels)  # in which all paint is bright
+        for fit in sorted(fits, key=lambda fit: -fit.worth):
+            verdicts.append(self._judge(replace(fit, inward_m=inward(fit, bright, view.grid)), begins=True))
             if verdicts[-1][0] is not None:
                 return verdicts[-1]
         return verdicts[0] if verdicts else self._judge(None)
@@ -189,7 +195,7 @@ class LaneFinder:
     def _track(self, frame: np.ndarray, view: View, prediction: Prior):
         """The lane near where it is predicted; now and then, and in doubt, a fresh search challenges it."""
         around = view.around(prediction.mean)
-        points, picture = self.points(frame, around)
+        points, channels = self.points(frame, around)
         fit = jointfit.fit(
             points,
             prediction.mean,
@@ -197,7 +203,7 @@ class LaneFinder:
             gates=jointfit.TRACK_GATES,
             reach_m=jointfit.SEARCH_REACH_M[-1:],
         )
-        inward_m = self.tracker.recall_inward() or inward(fit, picture, around.grid)
+        inward_m = self.tracker.recall_inward() or inward(fit, cv2.add(*channels), around.grid)
         fit = replace(fit, inward_m=inward_m) if any(inward_m) else fit
         tracked = self._judge(fit)
         lost = tracked[0] is None
@@ -205,8 +211,9 @@ class LaneFinder:
             if lost:  # all of the frame is looked at once more
                 fresh = self._search(frame, view)
             else:
+                fit = replace(fit, objection=verge_objection(channels[1], around.grid, fit))
                 least = self.tracker.start_needed(fit)
-                fresh = self._best(points, picture, around, least_energy=least, known=fit.mean)
+                fresh = self._best(points, channels, around, least_energy=least, known=fit.mean)
             if self.tracker.challenge(fit, fresh[0], lost=lost):
                 return fresh
         return tracked

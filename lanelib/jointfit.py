@@ -106,6 +106,12 @@ class JointFit:
     rms_px: float
     # a double line is fitted as one stripe: its inner line lies this much further in
     inward_m: tuple[float, float] = (0.0, 0.0)
+    objection: float = 0.0  # of the ground beside the road, where it was asked (``verge``)
+
+    @property
+    def worth(self) -> float:
+        """By which lanes of one frame are compared."""
+        return self.energy - self.objection
 
     @cached_property
     def rows(self) -> tuple[float, float]:

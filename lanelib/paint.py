@@ -106,18 +106,18 @@ def yellow_of_uv(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     return cv2.addWeighted(v, 0.392, u, -2.213, (2.213 - 0.392) * 128)
 
 
-def paint_evidence(view_bgr: np.ndarray, *, column_m: float = 0.05) -> tuple[np.ndarray, np.ndarray]:
-    """z of brightness or yellow, whichever is larger, smoothed over 3 x 3, (H, W) float32; and the picture (H, W)
-    uint8 of brightness plus yellow in which all paint is bright. ``view_bgr``: (H, W, 3) uint8 bird's-eye picture."""
+def paint_evidence(view_bgr: np.ndarray, *, column_m: float = 0.05) -> np.ndarray:
+    """z of brightness or yellow, whichever is larger, smoothed over 3 x 3, (H, W) float32. ``view_bgr``: (H, W, 3)
+    uint8 bird's-eye picture."""
     return evidence_of(*paint_channels(view_bgr), column_m=column_m)
 
 
-def evidence_of(brightness: np.ndarray, yellow: np.ndarray, *, column_m: float = 0.05) -> tuple[np.ndarray, np.ndarray]:
+def evidence_of(brightness: np.ndarray, yellow: np.ndarray, *, column_m: float = 0.05) -> np.ndarray:
     """``paint_evidence`` of the two channels, each (H, W) uint8."""
     rows = len(brightness)
     z = ridge_response(np.concatenate([brightness, yellow]), column_m=column_m, rows=rows)
     z = cv2.max(z[:rows], z[rows:])
-    return cv2.blur(z, (3, 3)), cv2.add(brightness, yellow)
+    return cv2.blur(z, (3, 3))
 
 
 def weight_of(z: np.ndarray) -> np.ndarray:

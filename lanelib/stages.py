@@ -32,7 +32,7 @@ def stages(frame_bgr: np.ndarray, finder, result=None) -> dict[str, np.ndarray]:
     rig = view.rig
     if result is None:
         result = without_memory(finder).process(frame)
-    z, _ = evidence_of(*view.paint_channels(frame), column_m=view.grid.column_m)
+    z = evidence_of(*view.paint_channels(frame), column_m=view.grid.column_m)
     undistorted = rig.camera.undistort(frame)
     mask = finder.mask(frame, view)
     grid = view.metric.grid

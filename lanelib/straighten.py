@@ -118,7 +118,7 @@ def paint_of(frame: np.ndarray, road: Straightened, focal_px: float) -> Paint:
         # pixel centres are at integers, in planes of half the size, too
         half = replace(road, map_x=road.map_x / 2 - np.float32(0.25), map_y=road.map_y / 2 - np.float32(0.25))
         brightness, yellow = brightness_of_luma(road.picture(luma)), yellow_of_uv(half.picture(u), half.picture(v))
-    z, _ = evidence_of(brightness, yellow, column_m=COLUMN_M)
+    z = evidence_of(brightness, yellow, column_m=COLUMN_M)
     z[~road.inside] = 0
     points = paint_points(z)
     d, y = road.d_m[0] + points.column * COLUMN_M, road.y_m[points.row]

@@ -269,7 +269,7 @@ class LaneTracker:
     def energy_needed(self, tracked: JointFit, *, other: bool = False) -> float:
         """What a lane must be worth to take over from the ``tracked`` one; ``other``: it is not the same lane."""
         more = OTHER_ENERGY if other else BETTER_ENERGY
-        return energy_of(tracked.mean, tracked.support, self.background) + more
+        return energy_of(tracked.mean, tracked.support, self.background) - tracked.objection + more
 
     def start_needed(self, tracked: JointFit) -> float:
         """What a start must be estimated to be worth, so that its fit could take over."""
@@ -283,7 +283,7 @@ class LaneTracker:
         rival = fresh
         if rival is not None and not lost:
             other = differ(rival.mean, tracked.mean)
-            worth_more = rival.energy > self.energy_needed(tracked, other=other)
+            worth_more = rival.worth > self.energy_needed(tracked, other=other)
             if not worth_more or (other and sum(rival.rows) <= sum(tracked.rows)):
                 rival = None
         confirmed = rival is not None and self._rival is not None and not differ(rival.mean, self._rival)

@@ -339,9 +339,9 @@ def test_one_line_alone_needs_more_paint_to_begin_with_than_to_go_on():
     both = np.zeros_like(fit.support)
     both[0, 20:27] = both[1, 20:22] = 1
     assert finder._judge(replace(little, support=both), begins=True)[0] is not None
-    points, picture = finder.points(FRAME, view)
+    points, channels = finder.points(FRAME, view)
     few = points.some(np.flatnonzero((points.bearing < 0) & (points.row > points.n_rows - 13)))
-    assert "on one line alone" in LaneFinder(RIG)._best(few, picture, view)[1]
+    assert "on one line alone" in LaneFinder(RIG)._best(few, channels, view)[1]
 
 
 @pytest.mark.parametrize("beyond_m", [0.1, 0.4])

@@ -192,7 +192,7 @@ def test_around_a_lane_there_is_the_same_to_see(bend):
     around = view.around(lane.mean)
     frame = paint_frame(lane, noise=4)
     for picture in (frame, cv2.cvtColor(frame, cv2.COLOR_BGR2YUV_I420)):
-        whole, part = (v.points(paint_points(evidence_of(*v.paint_channels(picture))[0])) for v in (view, around))
+        whole, part = (v.points(paint_points(evidence_of(*v.paint_channels(picture)))) for v in (view, around))
         near, near_part = (np.abs(outward(p, lane.mean)[1]) < TRACK_GATES[0] * p.std for p in (whole, part))
         assert near.sum() > 100
         for name in ("bearing", "inverse", "row", "weight"):
@@ -227,7 +227,7 @@ def test_dots_are_seen_wherever_they_lie_between_the_rows(planes, monkeypatch):
             places = np.column_stack([np.arange(-4, 4.5, 1.0) + rng.uniform(-0.3, 0.3, 9), rng.uniform(8, 25, 9)])
             frame = with_dots(paint_frame(Lane7(), colours=(ASPHALT, ASPHALT)), places)
             frame = cv2.cvtColor(frame, cv2.COLOR_BGR2YUV_I420) if planes else frame
-            p = view.points(paint_points(evidence_of(*view.paint_channels(frame))[0]))
+            p = view.points(paint_points(evidence_of(*view.paint_channels(frame))))
             for x, y in places:
                 near = (np.abs(p.bearing / p.inverse - x) < 0.1) & (np.abs(1 / p.inverse - y) < 1.5)
                 rows.append(sum(p.weight[near & (p.row == row)].max() for row in set(p.row[near])))

@@ -59,7 +59,8 @@ class PointsFinder(LaneFinder):
         return self.process(BLANK)
 
     def points(self, frame, view):
-        return self.now, np.zeros((len(view.grid.y_m), len(view.grid.x_m)), np.uint8)
+        black = np.zeros((len(view.grid.y_m), len(view.grid.x_m)), np.uint8)
+        return self.now, (black, black)
 
 
 RIG = rig()

@@ -418,7 +418,7 @@ figures.curves(lights, recall, xlabel="light, times the original", ylabel="mean 
 # %% alt="The hard concrete frame from above and its evidence: a bright stripe where the solid line is, bright pieces where the dashes are, fainter streaks from seams and cracks."
 view = View(Rig.load(shipped.rig_file))
 scan = view.scan(seams)
-z, _ = paint_evidence(scan, column_m=view.grid.column_m)
+z = paint_evidence(scan, column_m=view.grid.column_m)
 wide = f"columns of {100 * view.grid.column_m:.0f} cm"
 figures.show({f"from above, {wide}": scan, "z": draw.heat(z, top=STRONG_Z)}, columns=2)
 
