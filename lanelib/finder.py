@@ -184,7 +184,7 @@ class LaneFinder:
         best = max((fit.energy for fit in fits), default=0.0)
         close = sum(fit.energy > best - MOST_VALUE for fit in fits) > 1
         if close or known is not None:  # where paint alone does not decide
-            fits = [replace(fit, objection=verge_objection(channels[1], view.grid, fit)) for fit in fits]
+            fits = [replace(fit, objection=verge_objection(*channels, view.grid, fit)) for fit in fits]
         verdicts, bright = [], cv2.add(*channels)  # in which all paint is bright
         for fit in sorted(fits, key=lambda fit: -fit.worth):
             verdicts.append(self._judge(replace(fit, inward_m=inward(fit, bright, view.grid)), begins=True))
@@ -211,7 +211,7 @@ class LaneFinder:
             if lost:  # all of the frame is looked at once more
                 fresh = self._search(frame, view)
             else:
-                fit = replace(fit, objection=verge_objection(channels[1], around.grid, fit))
+                fit = replace(fit, objection=verge_objection(*channels, around.grid, fit))
                 least = self.tracker.start_needed(fit)
                 fresh = self._best(points, channels, around, least_energy=least, known=fit.mean)
             if self.tracker.challenge(fit, fresh[0], lost=lost):

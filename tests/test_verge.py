@@ -11,7 +11,7 @@ from lanelib.finder import LaneFinder
 from lanelib.jointfit import PITCH, fit
 from lanelib.rig import View
 from lanelib.tracking import BETTER_ENERGY, LaneTracker
-from lanelib.verge import COVERED_M, FAR_M, MOST_VALUE, ROW_VALUE, STRIP_M, WARMER, verge_objection, verge_rows
+from lanelib.verge import COVERED_M, FAR_M, MOST_VALUE, ROW_VALUE, SHINE, STRIP_M, WARMER, verge_objection, verge_rows
 
 HEIGHT_M = 1.3
 GRID = Grid(np.arange(-130, 131) * 0.06, np.linspace(60**-0.5, 5**-0.5, 100) ** -2)  # not the finder's
@@ -34,6 +34,11 @@ def ground(lane: Lane7, left_m=np.inf, right_m=np.inf, *, strip_m=20.0, warm=60,
     return picture
 
 
+def rows_of(yellow, found, grid=GRID, brightness=100):
+    """``verge_rows`` where everything is equally bright."""
+    return verge_rows(np.full_like(yellow, brightness), yellow, grid, found)
+
+
 def fitted(lane: Lane7):
     points = points_on_grid(replace(lane, hill=0.0), GRID, height_m=HEIGHT_M, focal_px=1000.0)
     return replace(fit(points, lane.mean), mean=lane.mean)
@@ -49,8 +54,8 @@ def test_every_row_counts_where_the_ground_reaches_into_the_lane(lane):
     rows, found = near_rows(lane), fitted(lane)
     assert 40 < rows < 90
     for inside_m, expected in ((COVERED_M + 0.15, rows), (COVERED_M - 0.15, 0), (-0.5, 0)):
-        left = verge_rows(ground(lane, left_m=-inside_m), GRID, found)
-        right = verge_rows(ground(lane, right_m=-inside_m), GRID, found)
+        left = rows_of(ground(lane, left_m=-inside_m), found)
+        right = rows_of(ground(lane, right_m=-inside_m), found)
         assert left == pytest.approx((expected, 0), abs=2), inside_m
         assert right == pytest.approx((0, expected), abs=2), inside_m
 
@@ -59,33 +64,50 @@ def test_only_ground_that_is_warmer_and_wider_than_paint_counts():
     lane = LANES["straight"]
     found, rows = fitted(lane), near_rows(lane)
     for strip_m, counts in ((0.55, False), (STRIP_M + 0.2, True)):  # two yellow lines and their gap; leaves
-        assert (verge_rows(ground(lane, right_m=-0.4, strip_m=strip_m), GRID, found)[1] > rows / 2) == counts
+        assert (rows_of(ground(lane, right_m=-0.4, strip_m=strip_m), found)[1] > rows / 2) == counts
     for warmer, counts in ((WARMER - 2, False), (WARMER + 2, True)):
-        warm = ground(lane, right_m=-0.5, road=40, warm=round(40 + warmer))
-        assert (verge_rows(warm, GRID, found)[1] > rows / 2) == counts
-    assert verge_rows(np.full_like(warm, 90), GRID, found) == (0, 0)  # the light is warm, or a bonnet is red
-    assert verge_rows(255 - ground(lane, right_m=-0.5), GRID, found) == (0, 0)  # the ground is the colder one
+        warm = ground(lane, right_m=-0.5, road=4, warm=round(SHINE * 4 + warmer))
+        assert (rows_of(warm, found)[1] > rows / 2) == counts
+    assert rows_of(np.full_like(warm, 90), found) == (0, 0)  # the light is warm, or a bonnet is red
+    assert rows_of(255 - ground(lane, right_m=-0.5), found) == (0, 0)  # the ground is the colder one
+
+
+def test_a_low_sun_makes_a_road_shine_but_no_verge_of_it():
+    """Twice as bright and twice as yellow is the same road; three times as yellow is not; ground in the shade is seen
+    as well as in the sun."""
+    lane = LANES["straight"]
+    found, rows = fitted(lane), near_rows(lane)
+    shining, soil, shaded = ((40, 160), (56, 160)), ((80, 160), (40, 80), (40, 40)), ((28, 40),)
+    for warm, grey in (*shining, *soil, *shaded):
+        counts = (warm, grey) in soil
+        yellow = ground(lane, left_m=-0.6, road=20, warm=warm)
+        brightness = np.where(yellow == warm, np.uint8(grey), np.uint8(80))
+        assert (verge_rows(brightness, yellow, GRID, found)[0] > rows / 2) == counts, (warm, grey)
 
 
 def test_what_is_not_in_the_picture_is_not_known():
     lane = Lane7(centre=5.0, width=3.5)  # its right line is at 6.75 m, the picture ends at 7.8 m
     warm = ground(lane, right_m=-0.5)
     found = fitted(lane)
-    assert verge_rows(warm, GRID, found)[1] == pytest.approx(near_rows(lane), abs=2)
+    assert rows_of(warm, found)[1] == pytest.approx(near_rows(lane), abs=2)
     columns = slice(0, int(GRID.column_of(6.75 + STRIP_M - COVERED_M)) - 1)  # narrower than the strip that is asked for
     part = Grid(GRID.x_m[columns], GRID.y_m)
-    assert verge_rows(warm[:, columns], part, found) == (0, 0)
+    assert rows_of(warm[:, columns], found, part) == (0, 0)
+    beside = fitted(Lane7(centre=6.2, width=4.4))  # its right line lies outside, the left half of the picture is warm
+    warm = np.where(GRID.x_m < 0, np.uint8(60), np.full((len(GRID.y_m), len(GRID.x_m)), 15, np.uint8))
+    assert rows_of(warm, beside) == (0, 0)
     far = Grid(GRID.x_m, np.linspace(60, 40, 20))
-    assert verge_rows(np.zeros((20, len(GRID.x_m)), np.uint8), far, found) == (0, 0)
+    assert rows_of(np.zeros((20, len(GRID.x_m)), np.uint8), found, far) == (0, 0)
 
 
 def test_the_objection_grows_with_the_rows_to_a_limit():
     lane = LANES["straight"]
     warm, found = ground(lane, left_m=-0.5), fitted(lane)
-    assert verge_objection(warm, GRID, found) == MOST_VALUE
+    grey = np.full_like(warm, 100)
+    assert verge_objection(grey, warm, GRID, found) == MOST_VALUE
     warm[np.arange(len(warm)) % 100 < 90] = 15  # ten rows are left, all near
-    rows = verge_rows(warm, GRID, found)
-    assert rows == (10, 0) and verge_objection(warm, GRID, found) == pytest.approx(10 * ROW_VALUE)
+    rows = rows_of(warm, found)
+    assert rows == (10, 0) and verge_objection(grey, warm, GRID, found) == pytest.approx(10 * ROW_VALUE)
 
 
 def test_of_two_lanes_with_nearly_the_same_paint_the_one_on_the_road_is_taken():
