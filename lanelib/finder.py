@@ -24,7 +24,7 @@ from lanelib.channels import as_bgr
 from lanelib.doubleline import inward
 from lanelib.errors import LanelibError
 from lanelib.hypotheses import hypotheses
-from lanelib.jointfit import JointFit, Points, Prior, confidence_of
+from lanelib.jointfit import JointFit, Points, Prior, confidence_of, landmarks
 from lanelib.lane import Check, Lane, check_lane, check_size
 from lanelib.neighbours import MOST_LANES, find_neighbours
 from lanelib.paint import evidence_of, paint_channels, paint_points
@@ -42,6 +42,7 @@ MINIMUM_ROWS = 6.5  # of clear paint on both lines together, of 112: a dash furt
 ONE_LINE_ROWS = 13.0
 MINIMUM_CONFIDENCE = 0.08  # lanes in glare and forest have 0.1 and more, specks on a road without paint 0.05
 MODELS = ("joint", "windows")
+ANOTHER_LANE_M = 0.1  # starts that lead to the same lane end nearer to each other than that, at 6 and at 20 m
 Channels = tuple[np.ndarray, np.ndarray]
 
 
@@ -181,12 +182,14 @@ class LaneFinder:
         prior = self.tracker.background
         starts = hypotheses(points, prior=prior, least_energy=least_energy, known=known)
         fits = [fit for fit in jointfit.fits(points, starts, prior=prior) if jointfit.holds_car(fit.mean, beside_m=0.0)]
-        best = max((fit.energy for fit in fits), default=0.0)
-        close = sum(fit.energy > best - MOST_VALUE for fit in fits) > 1
-        if close or known is not None:  # where paint alone does not decide
+        fits.sort(key=lambda fit: -fit.energy)
+        close = [fit.mean for fit in fits if fit.energy > fits[0].energy - MOST_VALUE]
+        unsure = len(close) > 1 and np.ptp(landmarks(np.array(close)), axis=0).max() > ANOTHER_LANE_M
+        if unsure or known is not None:  # paint alone does not decide
             fits = [replace(fit, objection=verge_objection(*channels, view.grid, fit)) for fit in fits]
+            fits.sort(key=lambda fit: -fit.worth)
         verdicts, bright = [], cv2.add(*channels)  # in which all paint is bright
-        for fit in sorted(fits, key=lambda fit: -fit.worth):
+        for fit in fits:
             verdicts.append(self._judge(replace(fit, inward_m=inward(fit, bright, view.grid)), begins=True))
             if verdicts[-1][0] is not None:
                 return verdicts[-1]
