@@ -14,6 +14,8 @@ DATA = ("camera_cal", "test_images", "test_videos", "output_images", "output_vid
 # Written in two halves, or this file would find itself.
 REGISTRIES = [a + b for a, b in [("pypi", ".org"), ("pythonhosted", ".org"), ("npmjs", ".org"), ("npmjs", ".com"),
                                  ("deb.debian", ".org"), ("anaconda", ".org"), ("crates", ".io")]]  # fmt: skip
+# What no file may be called on Windows, whatever its ending.
+NO_NAME = re.compile(r'[<>:"|?*\\\x00-\x1f]|[. ]$|^(con|prn|aux|nul|com\d|lpt\d)(\.|$)', re.IGNORECASE)
 MACHINE = re.compile(r"(?<![\w.:/-])/(?:wo" + r"rk|tm" + r"p|ro" + r"ot|ho" + r"me/\w+|Us" + r"ers/\w+|fa" + r"rm)/")
 
 
@@ -84,6 +86,23 @@ def test_what_is_fetched_stays_out_of_git():
 
 def test_no_notebook_or_module_is_pickled_data(files):
     assert not [path for path in files if path.suffix in {".p", ".pkl", ".pickle", ".joblib"}]
+
+
+def test_every_name_can_be_had_on_every_system(files):
+    """Windows refuses some, and takes A.jpg and a.jpg for one, as macOS does."""
+    names = [path.relative_to(ROOT) for path in files]
+    assert not [name for name in names if any(NO_NAME.search(part) for part in name.parts)]
+    places = {place.as_posix() for name in names for place in (name, *name.parents)}
+    assert len({place.casefold() for place in places}) == len(places)
+    assert max(map(len, places)) < 100  # with the folder of the clone a path may have 259 on Windows
+
+
+def test_every_checkout_has_the_same_bytes():
+    """Git for Windows would end the lines of every text with CRLF, and no shell starts such a script."""
+    if not (ROOT / ".git").exists():
+        pytest.skip("not a git checkout")
+    ends = [line.split("\t") for line in git("ls-files", "--eol").splitlines()]
+    assert not [name for how, name in ends if not re.match(r"i/-text |i/(lf|none) .*attr/.*eol=lf", how)]
 
 
 # ------------------------------------------------------------------------------------------------ versions that agree
