@@ -157,7 +157,7 @@ def _simulated(rig: Rig) -> Clip:
             _make_simulated(rig, Path(own))
             for name in ("simulated.mp4", "truth.json"):
                 os.replace(Path(own) / name, folder / name)
-    truth = json.loads((folder / "truth.json").read_text())["frames"]
+    truth = json.loads((folder / "truth.json").read_text(encoding="utf-8"))["frames"]
     return Clip(folder / "simulated.mp4", rig, truth, FPS)
 
 
@@ -168,7 +168,7 @@ def _make_simulated(rig: Rig, folder: Path) -> None:
             writer.write(frame)
             truth.append(entry | {"raw_file": f"simulated.mp4:{index:06}", "time_s": index / FPS})
     text = json.dumps({"format": FORMAT, "camera": rig.camera.to_dict(), "frames": truth})
-    (folder / "truth.json").write_text(text)
+    (folder / "truth.json").write_text(text, encoding="utf-8")
 
 
 def simulate(rig: Rig, *, seconds: float, seed: int = 0) -> Iterator[tuple[np.ndarray, dict]]:

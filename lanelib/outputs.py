@@ -76,7 +76,7 @@ def json_lines(path: Path | None, *, sources: Iterable[Path] = ()):
         remove_abandoned(path)
     part = path if special else part_of(path)
     with _says_where(path):
-        file = part.open("w", encoding="utf-8")
+        file = part.open("w", encoding="utf-8", newline="\n")
 
     def write(row: dict) -> None:
         with _says_where(path):

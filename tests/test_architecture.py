@@ -130,6 +130,22 @@ def test_importing_the_finder_loads_no_figures_and_no_widgets():
     assert subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout == "[]\n"
 
 
+@pytest.mark.parametrize("module", MODULES)
+def test_no_text_is_read_or_written_in_whatever_the_system_prefers(module):
+    """On Windows that has neither a κ nor a ✓."""
+    found = []
+    for tree in trees(module):
+        for call in (node for node in ast.walk(tree) if isinstance(node, ast.Call)):
+            name = getattr(call.func, "attr", getattr(call.func, "id", ""))
+            given = {keyword.arg for keyword in call.keywords}
+            modes = {value.value for value in call.args if isinstance(value, ast.Constant)}
+            text = isinstance(call.func, ast.Attribute) and name in ("read_text", "write_text")
+            text = text or (name in ("run", "Popen") and "text" in given) or (name == "open" and modes & set("rwax"))
+            if text and "encoding" not in given:
+                found.append(f"{name}, line {call.lineno}")
+    assert not found
+
+
 @pytest.mark.parametrize("module", sorted(set(MODULES) - {"datasets"}))
 def test_only_datasets_builds_paths_of_the_data_folders(module):
     folder = re.compile(r"(camera_cal|test_images|test_videos|output_images|output_videos)")

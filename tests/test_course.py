@@ -129,7 +129,7 @@ def test_pictures_of_one_stem_and_unreadable_ones(project):
     assert (out / "01_boards/corners.jpg").is_file() and (out / "01_before_after/b0.jpg").is_file()
     first, second = (cv2.imread(str(out / name)) for name in ("road0.jpg", "road0-2.jpg"))
     assert abs(first.astype(int) - second).max() > 60 and (out / "04_fit/road0-2.jpg").is_file()
-    page = (out / "WRITEUP.md").read_text()
+    page = (out / "WRITEUP.md").read_text(encoding="utf-8")
     assert "[road0](road0.jpg)" in page and "[road0-2](road0-2.jpg)" in page
 
 

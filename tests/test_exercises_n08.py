@@ -164,3 +164,10 @@ def test_clauses_are_broken_apart_but_not_in_brackets():
     for last in ("-o my_rig.json", "--lane-width 3.66"):  # nor between an option and its value
         assert n08.Said(f"lanelib rig {'a ' * 37}{last}", "").clauses.words.endswith(f" a \\\n    {last}")
     assert max(map(len, repr(wide.clauses).splitlines())) <= 100 and " \\\n" in repr(wide.clauses)
+
+
+def test_a_command_says_every_letter_whatever_the_system_prefers(tmp_path, monkeypatch):
+    for name, value in (("LC_ALL", "C"), ("PYTHONUTF8", "0"), ("PYTHONCOERCECLOCALE", "0")):
+        monkeypatch.setenv(name, value)
+    monkeypatch.delenv("PYTHONIOENCODING", raising=False)
+    assert "lanelib: 道.jsonl: needed" in n08.command("lanelib evaluate 道.jsonl 路.jsonl", tmp_path).text

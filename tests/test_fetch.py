@@ -286,6 +286,15 @@ def test_a_package_that_is_not_there_is_pips_own_last_word(wheel, tmp_path):
         fetch(root=tmp_path / "root", sources=[PackageIndex(requirement="roadset==9.9")])
 
 
+def test_pip_may_say_it_in_letters_of_its_own(tmp_path, monkeypatch):
+    """On Windows in those of its code page."""
+    says = "import sys; sys.stderr.buffer.write(b'ERROR: Zugriff nicht m\\xf6glich\\x81'); sys.exit(1)"
+    run = subprocess.run
+    monkeypatch.setattr(subprocess, "run", lambda _, **options: run([sys.executable, "-c", says], **options))
+    with pytest.raises(LanelibError, match="Zugriff nicht m"):
+        fetch(root=tmp_path / "root", sources=[PackageIndex(requirement="roadset==9.9")])
+
+
 # ------------------------------------------------------------------------------------------------- from the repository
 
 

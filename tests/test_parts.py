@@ -1,5 +1,6 @@
 """parts.py: what a killed run left behind goes, what somebody else writes or owns stays."""
 
+import _pyio
 import os
 import subprocess
 import sys
@@ -108,6 +109,15 @@ def test_a_video_that_cannot_get_its_name_gets_another(tmp_path):
         (path / "full").write_text("a folder came between")
     assert "kept as" in str(error.value) and "\n" not in str(error.value)
     assert names(tmp_path) == {"out.mp4", "out-2.mp4"}
+
+
+def test_rows_are_the_same_bytes_on_every_system(tmp_path, monkeypatch):
+    """Python's own writer of texts ends lines as os.linesep says."""
+    with monkeypatch.context() as windows:
+        windows.setattr("os.linesep", "\r\n")
+        windows.setattr("io.open", _pyio.open)
+        write_rows(tmp_path / "lanes.jsonl")
+    assert (tmp_path / "lanes.jsonl").read_bytes() == b'{"a": 1}\n'
 
 
 def test_rows_that_were_whole_are_kept_where_the_file_cannot_be(tmp_path):

@@ -150,7 +150,7 @@ def _write(notebook, path: Path) -> int:
     nbformat.validate(notebook)
     path.parent.mkdir(exist_ok=True)
     part = path.with_suffix(".ipynb.part")
-    part.write_text(nbformat.writes(notebook) + "\n", encoding="utf-8")
+    part.write_text(nbformat.writes(notebook) + "\n", encoding="utf-8", newline="\n")
     os.replace(part, path)
     return path.stat().st_size
 

@@ -43,7 +43,7 @@ def main() -> int:
     if check:
         print("README.md's results are up to date" if new == text else "README.md's results are out of date")
         return int(new != text)
-    README.write_text(new, encoding="utf-8")
+    README.write_text(new, encoding="utf-8", newline="\n")
     print(f"wrote the results into {README.name}")
     return 0
 

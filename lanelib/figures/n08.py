@@ -155,8 +155,7 @@ def command(words: str, folder: Path, *, without: tuple[str, ...] = ()) -> Said:
     """Run ``lanelib …`` in a folder, as in a terminal. ``without``: lines with one of these texts are left out."""
     program, *arguments = words.split()
     assert program == "lanelib"
-    done = subprocess.run(
-        [sys.executable, "-m", "lanelib", *arguments], cwd=folder, capture_output=True, text=True, check=False
-    )
+    in_utf8 = [sys.executable, "-X", "utf8", "-m", "lanelib", *arguments]  # a pipe on Windows knows few letters
+    done = subprocess.run(in_utf8, cwd=folder, capture_output=True, encoding="utf-8", check=False)
     lines = (done.stdout + done.stderr).splitlines()
     return Said(words, "\n".join(line for line in lines if not any(part in line for part in without)))
