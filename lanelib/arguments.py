@@ -1,13 +1,16 @@
 """The arguments of the command line: every command with its options, help and example."""
 
 import argparse
+import glob
 import math
+import os
 import re
 import textwrap
 from pathlib import Path
 from typing import NoReturn
 
 from lanelib.errors import LanelibError
+from lanelib.names import natural_key
 
 PRESETS = ("ultrafast", "superfast", "veryfast", "faster", "fast", "medium", "slow", "slower", "veryslow")  # x264's
 
@@ -40,6 +43,13 @@ class Parser(argparse.ArgumentParser):
         raise LanelibError(f"{message}; see {self.prog} --help")
 
 
+class _Files(argparse.Action):
+    """Names of files; a pattern stands for what it matches, as the shells of Windows hand it on unchanged."""
+
+    def __call__(self, parser, namespace, values, option_string=None) -> None:
+        setattr(namespace, self.dest, [path for value in values for path in _matching(value)])
+
+
 def build_parser() -> argparse.ArgumentParser:
     """Every command and option."""
     parser = Parser(
@@ -67,7 +77,9 @@ def _calibrate(commands) -> None:
         "lanelib calibrate --board 8x5 --square 0.03 --bent board*.jpg -o my_camera.json",
         OVERWRITE_HELP,
     )
-    p.add_argument("boards", nargs="+", type=_path, metavar="BOARDS", help="pictures, or folders of them")
+    p.add_argument(
+        "boards", nargs="+", type=_path, action=_Files, metavar="BOARDS", help="pictures, or folders of them"
+    )
     p.add_argument(
         "--board", type=_board, default=(9, 6), metavar="9x6", help="inner corners in a row and a column (default 9x6)"
     )
@@ -97,7 +109,7 @@ def _image(commands) -> None:
         RIG_HELP,
         OVERWRITE_HELP,
     )
-    p.add_argument("pictures", nargs="+", type=_path, metavar="PICTURES", help="JPEG, PNG or BMP files")
+    p.add_argument("pictures", nargs="+", type=_path, action=_Files, metavar="PICTURES", help="JPEG, PNG or BMP files")
     _rig_and_recipe(p)
     p.add_argument(
         "-o",
@@ -130,7 +142,7 @@ def _video(commands) -> None:
         RIG_HELP,
         OVERWRITE_HELP,
     )
-    p.add_argument("videos", nargs="+", type=_path, metavar="IN", help="video files")
+    p.add_argument("videos", nargs="+", type=_path, action=_Files, metavar="IN", help="video files")
     p.add_argument(
         "-o",
         "--output",
@@ -189,7 +201,9 @@ def _rig(commands) -> None:
         "lanelib rig dashcam.mp4 --camera none --lane-width 3.5 -o my_rig.json",
         OVERWRITE_HELP,
     )
-    p.add_argument("frames", nargs="+", type=_path, metavar="FRAME", help="pictures or videos of one camera")
+    p.add_argument(
+        "frames", nargs="+", type=_path, action=_Files, metavar="FRAME", help="pictures or videos of one camera"
+    )
     p.add_argument(
         "--camera", required=True, type=_path, metavar="FILE|none", help="the file of `lanelib calibrate`, or none"
     )
@@ -312,6 +326,12 @@ def _path(text: str) -> Path:
     if not text or "\0" in text:
         raise argparse.ArgumentTypeError("an empty name is no file")
     return Path(text)
+
+
+def _matching(path: Path) -> list[Path]:
+    """The files that a pattern matches, in natural order; the path itself where it is there, or nothing matches."""
+    found = [] if os.path.lexists(path) else glob.glob(str(path))
+    return [Path(name) for name in sorted(found, key=natural_key)] or [path]
 
 
 def _board(text: str) -> tuple[int, int]:

@@ -197,6 +197,16 @@ def test_unusual_names(place, road, capsys):
     assert {path.name for path in Path("out").iterdir()} == {name.replace(".png", ".jpg") for name in names}
 
 
+def test_a_pattern_that_the_shell_hands_on_stands_for_its_files(place, road, capsys):
+    """As on Windows; a name that is there, or matches nothing, is the name."""
+    for name in ("p10.png", "p2.png", "[p2].png"):
+        cv2.imwrite(name, road[0])
+    arguments = ["--rig", "rig.json", "-o", "out", "--json", "-"]
+    out, _ = run("image", "p*.png", "[p2].png", *arguments, capsys=capsys)
+    assert [json.loads(line)["raw_file"] for line in out.splitlines()] == ["p2.png", "p10.png", "[p2].png"]
+    refused(capsys, "image", "*.bmp", *arguments, match="*.bmp: need a picture, found no such file")
+
+
 def test_two_pictures_of_one_name_are_both_kept(place, road, capsys):
     for folder in ("a", "b"):
         Path(folder).mkdir()
