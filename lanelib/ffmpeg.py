@@ -10,6 +10,7 @@ import math
 import os
 import re
 import subprocess
+import sys
 import threading
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -43,8 +44,11 @@ PIXEL_FORMATS = ("bgr24", "yuv420p", "nv12")
 PIPE_BYTES = 1 << 20
 MAX_MESSAGES = 20  # of ffmpeg's, kept for the report
 
-# Children get their own session: Ctrl-C in a terminal reaches only Python, which then ends them in order.
-POPEN_OPTIONS = {"start_new_session": True} if os.name == "posix" else {}
+# Ctrl-C in a terminal reaches only Python, which then ends its children in order: they have a session of their own, on
+# Windows a console that nobody sees (without a flag, one would flash up beside a notebook).
+POPEN_OPTIONS = {"start_new_session": True}
+if sys.platform == "win32":
+    POPEN_OPTIONS = {"creationflags": subprocess.CREATE_NO_WINDOW}
 
 
 @dataclass(frozen=True)
@@ -202,7 +206,8 @@ def end_process(process: "subprocess.Popen[bytes]", log_thread: threading.Thread
             with contextlib.suppress(OSError):
                 pipe.close()
     if part is not None:
-        part.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # on Windows somebody may have it open; the next run takes it away
+            part.unlink(missing_ok=True)
 
 
 def _run(*arguments: str, timeout_s: float = PROBE_TIMEOUT_S) -> tuple[str, str]:

@@ -97,8 +97,9 @@ def json_lines(path: Path | None, *, sources: Iterable[Path] = ()):
     finally:
         with suppress(OSError):
             file.close()
-        if not special:
-            part.unlink(missing_ok=True)
+        with suppress(OSError):  # on Windows somebody may have it open
+            if not special:
+                part.unlink(missing_ok=True)
 
 
 def _keep_rows(part: Path, path: Path) -> Path | None:

@@ -120,6 +120,17 @@ def test_rows_are_the_same_bytes_on_every_system(tmp_path, monkeypatch):
     assert (tmp_path / "lanes.jsonl").read_bytes() == b'{"a": 1}\n'
 
 
+def test_rows_that_cannot_be_removed_hide_no_error(tmp_path, monkeypatch):
+    """As on Windows, while somebody has them open."""
+
+    def refused(path, missing_ok=False):
+        raise PermissionError(13, "used by another process", str(path))
+
+    with monkeypatch.context() as windows, pytest.raises(ZeroDivisionError), json_lines(tmp_path / "lanes.jsonl"):
+        windows.setattr(Path, "unlink", refused)
+        raise ZeroDivisionError
+
+
 def test_rows_that_were_whole_are_kept_where_the_file_cannot_be(tmp_path):
     """An error in the middle, no rows at all, a place that has become a folder, a row cut off by a full disk."""
     path, kept = tmp_path / "lanes.jsonl", tmp_path / "lanes.partial.jsonl"

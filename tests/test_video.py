@@ -3,6 +3,7 @@
 import io
 import os
 import resource
+import runpy
 import signal
 import subprocess
 import sys
@@ -532,6 +533,24 @@ def test_an_old_output_survives_a_failed_run(tmp_path):
         writer.write(clips.picture(0, (64, 48)))
         raise KeyError
     assert path.read_bytes() == b"yesterday's" and os.listdir(tmp_path) == ["a.mp4"]
+
+
+def test_what_cannot_be_removed_hides_no_error(tmp_path, monkeypatch):
+    """As on Windows, while a scanner for viruses looks at it; the next run takes it away."""
+
+    def refused(path, missing_ok=False):
+        raise PermissionError(13, "used by another process", str(path))
+
+    with monkeypatch.context() as windows, pytest.raises(KeyError), VideoWriter(tmp_path / "a.mp4") as writer:
+        windows.setattr(Path, "unlink", refused)
+        writer.write(clips.picture(0, (64, 48)))
+        raise KeyError
+
+
+def test_on_windows_ctrl_c_is_pythons_alone_and_no_console_flashes_up(monkeypatch):
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setattr(subprocess, "CREATE_NO_WINDOW", 0x08000000, raising=False)
+    assert runpy.run_path(ffmpeg.__file__)["POPEN_OPTIONS"] == {"creationflags": 0x08000000}
 
 
 def run_python(code: str, *arguments: object) -> subprocess.Popen:
