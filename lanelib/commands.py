@@ -10,7 +10,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from itertools import chain
@@ -45,6 +45,7 @@ from lanelib.runs import describe, picture_of, run_video, write_pictures
 from lanelib.threshold import recipe_by_name
 
 MAX_FRAMES_OF_CLIP = 40  # for a rig; more only repeat each other
+CTRL_C_S = 0.2  # Windows answers it only between two waits for a thread
 Work = tuple[Path, str, Path | None]  # a video, its `raw_file`, and where it is drawn to
 
 
@@ -217,6 +218,8 @@ def _videos(works: list[Work], args: argparse.Namespace, write_row, console: Con
         pairs = zip(files, works, strict=True)
         futures = [pool.submit(_tried_apart, file, work, args, console, stop) for file, work in pairs]
         for future, rows_of_one in zip(futures, rows, strict=True):
+            while not wait([future], CTRL_C_S).done:
+                pass
             error = future.result()
             _pass_on(rows_of_one, write_row)
             yield error

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import Future
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -464,6 +465,22 @@ def test_several_videos_go_to_a_folder(place, clip, capsys, jobs):
     assert {path.name for path in Path("out").iterdir()} == {"drive.mp4", "drive-2.mp4"}
     rows = [json.loads(line)["raw_file"] for line in Path("lanes.jsonl").read_text().splitlines()]
     assert rows == [f"{name}:{i:06d}" for name in ("drive.mp4", "other/drive.mp4") for i in range(12)]
+
+
+def test_ctrl_c_need_not_wait_for_a_video(place, clip, capsys, monkeypatch):
+    """On Windows it is answered only between two waits."""
+
+    result = Future.result
+
+    def of_what_is_done(future, timeout=None):
+        assert future.done(), "a wait without a limit"
+        return result(future, timeout)
+
+    monkeypatch.setattr(Future, "result", of_what_is_done)
+    Path("b.mp4").write_bytes(clip.read_bytes())
+    arguments = ["--rig", "rig.json", "--no-video", "--json", "l.jsonl", "--jobs", 2]
+    run("video", "drive.mp4", "b.mp4", *arguments, capsys=capsys)
+    assert len(Path("l.jsonl").read_text().splitlines()) == 24
 
 
 def test_jobs_keep_the_rows_of_what_was_begun(place, clip, capsys, monkeypatch):
