@@ -38,7 +38,7 @@ def write_up(
     overlays = data_set.output_videos / OVERLAY
     clips = {path.stem: _rows(path) for path in sorted(overlays.glob("*.jsonl"))}
     if clips:
-        parts.append(_videos(clips, os.path.relpath(overlays, folder), folder))
+        parts.append(_videos(clips, Path(os.path.relpath(overlays, folder)).as_posix(), folder))
     parts += [_against_truth(what, score, folder) for what, score in (scores or {}).items()]
     return "\n\n".join([*(part for part in parts if part), _discussion(rows)]) + "\n"
 

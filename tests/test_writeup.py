@@ -1,13 +1,16 @@
 """The write-up of a run: every number in it is one of the run's."""
 
 import json
+import os
 import re
+from pathlib import PureWindowsPath
 
 import pytest
 
 from lanelib import datasets
 from lanelib.course import run_course
 from lanelib.outputs import Console
+from lanelib.writeup import write_up
 
 
 @pytest.fixture(scope="module")
@@ -45,3 +48,17 @@ def test_what_was_not_found_is_said_with_the_reason(page):
     _, text, rows = page
     assert rows["no_markings.jpg"]["status"] == "none"
     assert rows["no_markings.jpg"]["reason"] in text.split("## What is doubtful")[1]
+
+
+def test_the_links_to_the_videos_are_those_of_a_web_page(tmp_path, monkeypatch):
+    """On Windows, too, where a path has another stroke."""
+    (tmp_path / "test_images/mine").mkdir(parents=True)
+    (tmp_path / "test_images/mine/a.jpg").touch()
+    overlays = tmp_path / "output_videos/mine/05_overlay"
+    overlays.mkdir(parents=True)
+    (overlays / "drive.jsonl").write_text('{"status": "measured", "confidence": 1}\n')
+    monkeypatch.setenv("LANELIB_DATA", str(tmp_path))
+    data_set, relpath = datasets.get("mine"), os.path.relpath
+    monkeypatch.setattr("os.path.relpath", lambda *places: relpath(*places).replace("/", "\\"))
+    monkeypatch.setattr("lanelib.writeup.Path", PureWindowsPath)
+    assert "[drive](../../output_videos/mine/05_overlay/drive.mp4)" in write_up(data_set, None, None)
