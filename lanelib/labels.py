@@ -27,12 +27,15 @@ def read_rows(path: str | Path) -> dict[str, dict]:
     try:
         if str(path) != "-" and path.stat().st_size > MAX_FILE_BYTES:
             raise LanelibError(f"{path}: needed at most {MAX_FILE_BYTES >> 20} MB of JSON lines, found more; split it")
-        text = sys.stdin.read() if str(path) == "-" else read_text(path, max_bytes=MAX_FILE_BYTES)
+        text = _standard_input() if str(path) == "-" else read_text(path, max_bytes=MAX_FILE_BYTES)
         lines = text.splitlines()
     except OSError as error:
         raise LanelibError(f"{path}: needed a file of JSON lines, found: {error.strerror}; check the name") from None
     except UnicodeDecodeError:
-        raise LanelibError(f"{path}: needed JSON lines, found something that is no text; check the name") from None
+        raise LanelibError(
+            f"{path}: needed JSON lines in UTF-8, found something that is no text of this kind; check the name (what "
+            "PowerShell writes with > is UTF-16: let --json write the file)"
+        ) from None
     rows: dict[str, dict] = {}
     for number, line in enumerate(lines, 1):
         if not line.strip():
@@ -50,6 +53,11 @@ def read_rows(path: str | Path) -> dict[str, dict]:
     if not rows:
         raise LanelibError(f"{path}: needed at least one line of JSON, found an empty file; check the name")
     return rows
+
+
+def _standard_input() -> str:
+    """All of it, as `read_text` reads a file: on Windows a pipe would be read in the letters of a code page."""
+    return sys.stdin.buffer.read().decode("utf-8-sig")
 
 
 def read_labels(path: str | Path) -> tuple[dict[str, dict], Camera | None]:

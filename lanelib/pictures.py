@@ -155,7 +155,8 @@ def pictures_in(folder: Path) -> list[Path]:
 
 
 def read_text(path, *, max_bytes: int = 1 << 24) -> str:
-    """The text (UTF-8) of an ordinary file of at most `max_bytes` (16 MB: the largest calibration has 100 kB).
+    """The text (UTF-8, with the mark in front that Windows' editors put or without) of an ordinary file of at most
+    `max_bytes` (16 MB: the largest calibration has 100 kB).
 
     A pipe would be waited for and /dev/zero read for ever. Raises OSError, whose strerror says what is wrong, or
     UnicodeDecodeError.
@@ -165,7 +166,7 @@ def read_text(path, *, max_bytes: int = 1 << 24) -> str:
         raise OSError(errno.EINVAL, "a device or pipe, which is no file", str(path))
     if status.st_size > max_bytes:
         raise OSError(errno.EFBIG, f"a file of {status.st_size / 1e6:.0f} MB, too large for this", str(path))
-    return Path(path).read_text(encoding="utf-8")
+    return Path(path).read_text(encoding="utf-8-sig")
 
 
 def _read_bytes(path: Path) -> bytes:

@@ -628,7 +628,7 @@ def test_evaluate_prints_and_writes(place, road, capsys, monkeypatch):
     assert json.loads(out)["tags"]["day"]["frames"] == 1
     truth["frames"].append(truth["frames"][0] | {"raw_file": "other.png"})
     Path("truth.json").write_text(json.dumps(truth))
-    monkeypatch.setattr("sys.stdin", io.StringIO(Path("lanes.jsonl").read_text()))
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(Path("lanes.jsonl").read_bytes()), "cp1252"))
     out, err = run("evaluate", "truth.json", "-", "--json", "-", capsys=capsys)
     assert json.loads(out)["unpredicted"] == 1 and json.loads(out)["tags"]["day"]["frames"] == 2
     assert "1 of 2 labelled frames have no prediction" in err

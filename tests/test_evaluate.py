@@ -1,5 +1,6 @@
 """Scores against numbers known beforehand: shifted lanes, delayed lanes, and the reference script where it is there."""
 
+import io
 import json
 import math
 import subprocess
@@ -334,10 +335,20 @@ def test_bad_files_are_one_line(tmp_path, text, message):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
+def test_rows_are_utf8_with_the_mark_of_windows_or_without(tmp_path, monkeypatch, encoding):
+    """From a file and from a pipe, which Windows would read in the letters of a code page."""
+    data = json.dumps(row() | {"raw_file": "Straße.jpg"}, ensure_ascii=False).encode(encoding)
+    (tmp_path / "rows.jsonl").write_bytes(data)
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(data), "cp1252"))
+    assert list(read_rows(tmp_path / "rows.jsonl")) == list(read_rows("-")) == ["Straße.jpg"]
+
+
 def test_other_files_are_refused(tmp_path):
-    (tmp_path / "rows.jsonl").write_bytes(b"\xff\xfe\x00binary")
-    with pytest.raises(LanelibError, match="no text"):
-        read_rows(tmp_path / "rows.jsonl")
+    for data in (b"\xff\xfe\x00binary", json.dumps(row()).encode("utf-16")):  # PowerShell's > writes the second
+        (tmp_path / "rows.jsonl").write_bytes(data)
+        with pytest.raises(LanelibError, match="no text of this kind.*PowerShell"):
+            read_rows(tmp_path / "rows.jsonl")
     board = {"raw_file": "b.jpg", "rvec": [0, 0, 0], "tvec": [0, 0, 1], "square_m": 0.1, "board_wh": [9, 6]}
     with pytest.raises(LanelibError, match="chessboards"):
         score({"b.jpg": board}, {"b.jpg": row()})
