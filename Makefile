@@ -71,7 +71,7 @@ types: install-test  ## mypy
 
 # Its own environment, beside the usual one.
 test-oldest:  ## the tests with the oldest supported versions (Python 3.11)
-	$(MAKE) --no-print-directory VENV=.cache/oldest PIP_CONSTRAINT=$(CURDIR)/constraints-oldest.txt test-pytest
+	$(MAKE) --no-print-directory VENV=.cache/oldest PIP_CONSTRAINT=constraints-oldest.txt test-pytest
 
 .PHONY: test-pytest
 test-pytest: install-test
@@ -111,4 +111,4 @@ distclean: clean  ## also remove the virtual environments and the fetched data
 	rm -rf test_images/udacity test_images/finding_lanes test_videos/udacity test_videos/finding_lanes
 
 help:  ## this list
-	@sed -n 's/^\([a-z-]*\):.*  ## \(.*\)/make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
+	@awk -F ':.*  ## ' '/^[a-z-]+:.*  ## / { printf "make %-15s%s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))

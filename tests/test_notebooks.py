@@ -249,3 +249,8 @@ def test_learner_notebook(path):
             learner = next(c for c in code_cells(notebook) if c.source == source.learner_text(cell))
             after = notebook.cells[notebook.cells.index(learner) + 1]
             assert after.source.startswith("<details>") and "```python" in after.source
+
+
+def test_what_is_cleaned_of_outputs_is_cleaned_on_every_system():
+    """nbval reads these patterns in the letters that the system prefers."""
+    assert (tool.BOOKS / "nbval_sanitize.cfg").read_bytes().isascii()
