@@ -1,5 +1,6 @@
 """The repository as a whole: sizes, paths, hosts, versions that must agree, commands that must exist."""
 
+import ast
 import os
 import re
 import shutil
@@ -198,6 +199,16 @@ def test_the_links_of_the_documents_lead_somewhere(files):
                 if not re.match(r"[a-z]+:", link) and not (ROOT / path.parent / link).exists():
                     broken.append(f"{path}: {link}")
     assert not broken
+
+
+def test_every_test_can_be_collected_on_windows():
+    """A module that is not there costs all tests of the file, not only the one that needs it."""
+    unix, found = {"fcntl", "grp", "pwd", "resource", "termios"}, []
+    for path in sorted((ROOT / "tests").rglob("*.py")):
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            found += [f"{path.name}: {name}" for name in names if name in unix]
+    assert not found
 
 
 def test_licence_is_mit():
