@@ -14,6 +14,7 @@ import json
 import os
 import tempfile
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from html import escape
 from itertools import islice
@@ -156,7 +157,8 @@ def _simulated(rig: Rig) -> Clip:
         with tempfile.TemporaryDirectory(dir=folder) as own:  # several notebooks may do this at a time
             _make_simulated(rig, Path(own))
             for name in ("simulated.mp4", "truth.json"):
-                os.replace(Path(own) / name, folder / name)
+                with suppress(PermissionError):  # Windows, where another one has made it and shows it just now
+                    os.replace(Path(own) / name, folder / name)
     truth = json.loads((folder / "truth.json").read_text(encoding="utf-8"))["frames"]
     return Clip(folder / "simulated.mp4", rig, truth, FPS)
 

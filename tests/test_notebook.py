@@ -1,6 +1,7 @@
 """What notebooks call first: the set-up check, a road with truth, a clip, a video in the page."""
 
 import base64
+import os
 import subprocess
 import sys
 
@@ -72,6 +73,27 @@ def test_the_simulated_drive_is_true(small_rig, tmp_path, monkeypatch):
     assert len(list(clip.frames(5, 9))) == 4 and list(clip.frames(5, 5)) == []
     before = clip.path.stat().st_mtime_ns
     assert len(notebook._simulated(small_rig)) == 30 and clip.path.stat().st_mtime_ns == before  # made once
+
+
+def test_of_two_notebooks_that_make_the_drive_the_first_wins(small_rig, tmp_path, monkeypatch):
+    """On Windows a file that the other one shows cannot be replaced."""
+    folder, replace = tmp_path / notebook.SIMULATED, os.replace
+
+    def made_by_both(rig, own):
+        for place in (own, folder):
+            (place / "simulated.mp4").write_bytes(b"")
+            (place / "truth.json").write_text('{"frames": [{}, {}]}')
+
+    def in_use(source, target):
+        if target.exists():
+            raise PermissionError(13, "used by another process", str(target))
+        replace(source, target)
+
+    monkeypatch.setattr(notebook, "_cache", lambda: tmp_path)
+    monkeypatch.setattr(notebook, "_make_simulated", made_by_both)
+    monkeypatch.setattr("os.replace", in_use)
+    assert len(notebook._simulated(small_rig)) == 2
+    assert sorted(p.name for p in folder.iterdir()) == ["simulated.mp4", "truth.json"]
 
 
 def test_the_finder_agrees_with_the_simulated_truth(monkeypatch):
