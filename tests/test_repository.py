@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import lanelib
+from lanelib.arguments import build_parser
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ("camera_cal", "test_images", "test_videos", "output_images", "output_videos")
@@ -189,6 +190,18 @@ def test_the_commands_of_the_readme_exist():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     made = set(re.findall(r"(?:^|`|\$ )make ([a-z][a-z-]*)", text, flags=re.M))
     assert {"test", "lab"} <= made <= targets()
+
+
+def test_what_the_readme_types_without_make_is_what_make_runs():
+    text = (ROOT / "Makefile").read_text(encoding="utf-8").replace("\\\n", " ").replace("$(JOBS)", "2")
+    made = [set(line.replace("/ruff", " ruff").replace("'", '"').split()) for line in text.splitlines()]
+    typed = re.findall(r"`\.venv\\Scripts\\python -m ([^`]+)`", (ROOT / "README.md").read_text(encoding="utf-8"))
+    assert {command.split()[0] for command in typed} == {"pip", "lanelib", "jupyterlab", "ruff", "pytest"}
+    for command in typed:
+        program, *arguments = command.split()
+        assert any({program, *arguments} <= line for line in made), f"make runs no {command}"
+        if program == "lanelib":
+            assert build_parser().parse_args(arguments).command == arguments[0]
 
 
 def test_the_links_of_the_documents_lead_somewhere(files):
