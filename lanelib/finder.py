@@ -199,13 +199,8 @@ class LaneFinder:
         """The lane near where it is predicted; now and then, and in doubt, a fresh search challenges it."""
         around = view.around(prediction.mean)
         points, channels = self.points(frame, around)
-        fit = jointfit.fit(
-            points,
-            prediction.mean,
-            prior=self.tracker.fit_prior(prediction),
-            gates=jointfit.TRACK_GATES,
-            reach_m=jointfit.SEARCH_REACH_M[-1:],
-        )
+        prior, gates, reach_m = self.tracker.fit_prior(prediction), jointfit.TRACK_GATES, jointfit.SEARCH_REACH_M[-1:]
+        fit = jointfit.fit(points, prediction.mean, prior=prior, gates=gates, reach_m=reach_m)
         inward_m = self.tracker.recall_inward() or inward(fit, cv2.add(*channels), around.grid)
         fit = replace(fit, inward_m=inward_m) if any(inward_m) else fit
         tracked = self._judge(fit)
@@ -227,11 +222,8 @@ class LaneFinder:
             return None, "no paint that could be a pair of lane lines", ()
         rows = sum(fit.rows)
         if rows < MINIMUM_ROWS or fit.energy < MINIMUM_ENERGY:
-            return (
-                None,
-                f"too little paint: {rows:.1f} rows on both lines, {MINIMUM_ROWS:.1f} needed in likely places",
-                (),
-            )
+            needed = f"{MINIMUM_ROWS:.1f} needed in likely places"
+            return None, f"too little paint: {rows:.1f} rows on both lines, {needed}", ()
         if begins and min(fit.rows) < 1 and rows < ONE_LINE_ROWS:
             return None, f"too little paint: {rows:.1f} rows on one line alone, {ONE_LINE_ROWS:.0f} needed", ()
         if confidence_of(fit) < MINIMUM_CONFIDENCE:
@@ -256,13 +248,7 @@ class LaneFinder:
 
     # ------------------------------------------------------------------ the outcome
     def _result(
-        self,
-        fit: JointFit | None,
-        reason: str,
-        checks: tuple[Check, ...],
-        frame: np.ndarray,
-        view: View,
-        begin: float,
+        self, fit: JointFit | None, reason: str, checks: tuple[Check, ...], frame: np.ndarray, view: View, begin: float
     ) -> LaneResult:
         status, trust = ("measured" if fit is not None else "none"), 1.0
         if self.track:

@@ -127,23 +127,17 @@ class LaneTracker:
 
     def fresh(self) -> LaneTracker:
         """A tracker that was told the same and has seen nothing."""
+        smoothing, hold, n, alpha = self.smoothing, self._hold_frames, self.n, self.alpha
         return type(self)(
-            smoothing=self.smoothing,
-            hold_frames=self._hold_frames,
-            n=self.n,
-            alpha=self.alpha,
-            step_std=self._step_std,
-            fps=self.fps,
+            smoothing=smoothing, hold_frames=hold, n=n, alpha=alpha, step_std=self._step_std, fps=self.fps
         )
 
     def set_fps(self, fps: float) -> None:
         """From now on so many frames a second; what is known stays."""
         if not 0 < fps < np.inf:
             raise LanelibError(f"a tracker needs a rate above 0 frames a second, found {fps}")
-        self.fps, self.pace = (
-            fps,
-            min(max(FPS / fps, LEAST_PACE), MOST_PACE),
-        )  # pace: frames of the model in one of ours
+        self.fps = fps
+        self.pace = min(max(FPS / fps, LEAST_PACE), MOST_PACE)  # frames of the model in one of ours
         half_a_second = max(round(HOLD_FRAMES * fps / FPS), 1)  # of real time, whatever the model takes the rate for
         self.hold_frames = half_a_second if self._hold_frames is None else self._hold_frames
         self.step_std = self._step_std * np.sqrt(self.pace)
@@ -221,9 +215,8 @@ class LaneTracker:
         if self.fit is None:
             self._usual_rows = sum(fit.rows)
         smoothed = self._smooth(fit)
-        if (
-            self.fit is not None and self.fit.inward_m != fit.inward_m
-        ):  # a double line stays one while a frame is unsure of it
+        if self.fit is not None and self.fit.inward_m != fit.inward_m:
+            # a double line stays one while a frame is unsure of it
             left, right = (old + 0.4 * (new - old) for old, new in zip(self.fit.inward_m, fit.inward_m, strict=True))
             smoothed = replace(smoothed, inward_m=(left, right))
         self._lessons += 1
