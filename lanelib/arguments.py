@@ -109,7 +109,9 @@ def _image(commands) -> None:
         RIG_HELP,
         OVERWRITE_HELP,
     )
-    p.add_argument("pictures", nargs="+", type=_path, action=_Files, metavar="PICTURES", help="JPEG, PNG or BMP files")
+    p.add_argument(
+        "pictures", nargs="+", type=_path, action=_Files, metavar="PICTURES", help="pictures, or folders of them"
+    )
     _rig_and_recipe(p)
     p.add_argument(
         "-o",

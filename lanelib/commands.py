@@ -6,6 +6,7 @@ could not be used and the rest was done.
 
 import argparse
 import json
+import os
 import sys
 import tempfile
 import threading
@@ -55,6 +56,9 @@ def calibrate(args: argparse.Namespace, console: Console) -> int:
     from lanelib import calibration
 
     pictures = list(with_folders(args.boards))
+    for path in pictures:
+        if os.path.isdir(path):
+            raise LanelibError(f"{path}: needed a folder with chessboard pictures (JPEG, PNG or BMP), found none in it")
     check_place(args.output, sources=pictures)
     found = calibration.calibrate(pictures, board_wh=args.board, square_m=args.square, flat=not args.bent)
     for line in calibration_report(found):
@@ -124,16 +128,17 @@ def fetch(args: argparse.Namespace, console: Console) -> int:
 def image(args: argparse.Namespace, console: Console) -> int:
     """The lane in single pictures, each on its own; one that cannot be used does not stop the others."""
     recipe_by_name(args.recipe)
-    refuse_one_name(args.output, args.pictures, datasets.PICTURE_SUFFIXES, "pictures")
+    pictures = list(with_folders(args.pictures))
+    refuse_one_name(args.output, pictures, datasets.PICTURE_SUFFIXES, "pictures")
     refuse_other_kind(args.output)
     failed = 0
     taken = taken_names(args.json)
-    sources = [*args.pictures, *_rig_files(args)]
+    sources = [*pictures, *_rig_files(args)]
     read = identities(sources)
-    chooser = rigs.RigChooser(args.rig, args.pictures, console.note)
+    chooser = rigs.RigChooser(args.rig, pictures, console.note)
     finders: dict[int, LaneFinder] = {}
     with json_lines(args.json, sources=sources) as write_row:
-        for path, raw_file in zip(args.pictures, raw_names(args.pictures), strict=True):
+        for path, raw_file in zip(pictures, raw_names(pictures), strict=True):
             try:
                 with _system_errors_of(path):
                     frame = read_image(path)
@@ -142,7 +147,7 @@ def image(args: argparse.Namespace, console: Console) -> int:
                         finders[id(rig)] = LaneFinder(rig, recipe=args.recipe, track=False, neighbours=args.neighbours)
                     result = finders[id(rig)].process(frame)
                     write_row(result.to_row(raw_file))
-                    out = free_name(picture_output(path, args.output, alone=len(args.pictures) == 1), taken)
+                    out = free_name(picture_output(path, args.output, alone=len(pictures) == 1), taken)
                     make_folder(out.parent)
                     finder = finders[id(rig)]
                     wrote = write_pictures(frame, result, finder, out, with_stages=args.stages, read=read)
@@ -152,7 +157,7 @@ def image(args: argparse.Namespace, console: Console) -> int:
                 failed += 1
                 console.complain(error)
     console.wrote(args.json)
-    return _outcome(failed, len(args.pictures), "pictures", console)
+    return _outcome(failed, len(pictures), "pictures", console)
 
 
 def _rig_files(args: argparse.Namespace) -> list[Path]:

@@ -230,12 +230,7 @@ def raw_names(paths: list[Path]) -> list[str]:
 
 
 def with_folders(paths: Iterable[Path]) -> Iterator[Path]:
-    """Files as they are, folders as the pictures in them in natural order."""
+    """Files as they are, folders as the pictures in them in natural order; a folder without any as it is."""
     for path in paths:
-        if not path.is_dir():
-            yield path
-            continue
-        inside = datasets.pictures_in(path)
-        if not inside:
-            raise LanelibError(f"{path}: needed a folder with chessboard pictures (JPEG, PNG or BMP), found none in it")
-        yield from inside
+        inside = datasets.pictures_in(path) if os.path.isdir(path) else []  # of a name too long, Path.is_dir raises
+        yield from inside or [path]

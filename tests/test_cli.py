@@ -182,7 +182,8 @@ def test_one_bad_picture_does_not_stop_the_others(place, capsys):
     Path("cut.png").write_bytes(data[: len(data) // 2])
     Path("empty.jpg").touch()
     Path("again.png").write_bytes(data)
-    names = ["road.png", "cut.png", "empty.jpg", ".", "missing.jpg", "again.png"]
+    Path("no_pictures").mkdir()
+    names = ["road.png", "cut.png", "empty.jpg", "no_pictures", "missing.jpg", "again.png"]
     with_rig = ["--rig", "rig.json", "-o", "out", "--json", "-", "--quiet"]
     out = refused(capsys, "image", *names, *with_rig, match="4 of 6 pictures", lines=5)
     assert [json.loads(line)["raw_file"] for line in out.splitlines()] == ["road.png", "again.png"]
@@ -206,6 +207,18 @@ def test_a_pattern_that_the_shell_hands_on_stands_for_its_files(place, road, cap
     out, _ = run("image", "p*.png", "[p2].png", *arguments, capsys=capsys)
     assert [json.loads(line)["raw_file"] for line in out.splitlines()] == ["p2.png", "p10.png", "[p2].png"]
     refused(capsys, "image", "*.bmp", *arguments, match="*.bmp: need a picture, found no such file")
+
+
+def test_a_folder_stands_for_its_pictures(place, road, capsys):
+    Path("drive").mkdir()
+    for name in ("f10.png", "f2.png", "._f2.png"):
+        cv2.imwrite(f"drive/{name}", road[0])
+    Path("drive/notes.txt").write_text("wet", encoding="utf-8")
+    arguments = ["--rig", "rig.json", "-o", "out", "--json", "-"]
+    out, _ = run("image", "drive", *arguments, capsys=capsys)
+    assert [json.loads(line)["raw_file"] for line in out.splitlines()] == ["f2.png", "f10.png"]
+    assert {path.name for path in Path("out").iterdir()} == {"f2.jpg", "f10.jpg"}
+    refused(capsys, "image", "drive", "--rig", "rig.json", "-o", "one.jpg", match="needed a folder")
 
 
 def test_two_pictures_of_one_name_are_both_kept(place, road, capsys):
