@@ -17,7 +17,7 @@ def main():
     parser.add_argument("--force", action="store_true", help="also what is up to date")
     parser.add_argument("--frames", type=int, help="video: stop after so many frames")
     parser.add_argument("--every", type=int, default=1, help="video: only every n-th frame (previews)")
-    parser.add_argument("--cameras", type=int, default=12, help="strangers: how many, five pictures each")
+    parser.add_argument("--cameras", type=int, default=24, help="strangers: how many, five pictures each")
     parser.add_argument("--first", type=int, help="strangers: the first one (default: the first that nobody looked at)")
     a = parser.parse_args()
     if a.shrink > 1 and a.to is None:
