@@ -52,13 +52,24 @@ N00 = [
     ("sideways_m", lambda r, y: y * y / r, "twice"),
     ("sideways_m", lambda r, y: -y * y / 2 / r, "sign is reversed"),
     ("sideways_m", lambda r, y: y * y / 2 / r / 1000, "1000 times too small"),
+    ("offset_of", lambda left, right: right - left, "the lane's width"),
+    ("offset_of", lambda left, right: (right - left) / 2, "half the lane's width"),
+    ("offset_of", lambda left, right: -left, "how far away the left line is"),
     ("sideways_m", lambda r, y: 2 * r / y**2, "one divided by"),
+    ("sideways_m", lambda r, y: round(y * y / 2 / r, 2), None),
+    ("sideways_m", lambda r, y: y**2 / 2 * r, "brackets"),
+    ("sideways_m", lambda r, y: math.sqrt(r * r - y * y), "from its centre"),
+    ("sideways_m", lambda r, y: 1 / (2 * r), "A alone"),
+    ("sideways_m", lambda r, y: y / (2 * r), "as its square"),
     ("seconds_to_line", lambda g, a, v: g / (math.tan(math.radians(a)) * v / 3.6), None),  # nearly the same
     ("seconds_to_line", lambda g, a, v: round(g / (math.sin(math.radians(a)) * v / 3.6), 1), None),
     ("seconds_to_line", lambda g, a, v: g / (math.sin(math.radians(a)) * v / 3.6) + 0.1, ""),
     ("seconds_to_line", lambda g, a, v: g / (math.sin(a) * v / 3.6), "radians"),
     ("seconds_to_line", lambda g, a, v: g / (math.sin(math.radians(a)) * v), "km/h"),
     ("seconds_to_line", lambda g, a, v: g / (v / 3.6), "along the road"),
+    ("seconds_to_line", lambda g, a, v: g / (a * v / 3.6), "degrees are no sine"),
+    ("seconds_to_line", lambda g, a, v: math.sin(math.radians(a)) * v / 3.6, "the speed across"),
+    ("seconds_to_line", lambda g, a, v: g / math.sin(math.radians(a)), "metres along"),
 ]
 
 
@@ -112,6 +123,29 @@ def test_a_number_near_zero_is_judged_by_its_tolerance():
 
 def test_known_mistakes_come_first():
     assert "y in pixels" in number(20.0, 10.0, mistakes={"y in pixels": 20.0}).hint
+
+
+def test_a_factor_of_chance_is_no_speed():
+    assert "km/h" in number(36.0, 10.0, unit="m/s").hint
+    assert "km/h" not in number(36.0, 10.0, unit="m").hint
+
+
+def test_known_mistakes_may_have_any_shape_and_never_hide_a_right_answer():
+    mistakes = {"the mean alone": 1.0, "the same": [1.0, 2.0]}
+    assert array([1.0, 2.0], [1.0, 2.0], mistakes=mistakes)
+    assert array(1.0, [1.0, 2.0], mistakes=mistakes).hint == "the mean alone"
+    assert "2 numbers are needed" in array(3.0, [1.0, 2.0], mistakes=mistakes).hint
+
+
+def test_a_generator_and_a_none_among_numbers_are_told_in_words():
+    assert "generator; make a list" in array((x for x in (1.0, 2.0)), [1.0, 2.0]).hint
+    assert "None among them" in array([None, 2.0], [1.0, 2.0]).hint
+
+
+def test_slips_are_told_by_the_case_in_which_they_show():
+    slips = {"the square is missing": lambda x: x}
+    verdict = function(lambda x: x, [((1.0,), 1.0), ((3.0,), 9.0)], number, slips=slips)
+    assert not verdict and verdict.hint.endswith("the square is missing") and "(3.0)" in verdict.hint
 
 
 A = np.array([[1.0, 5.0], [2.0, 7.0], [4.0, 9.0]])

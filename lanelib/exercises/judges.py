@@ -108,7 +108,7 @@ def _miss(matrix: np.ndarray, points: np.ndarray, expected: np.ndarray) -> float
 def choice(
     answer, expected: str, *, among: Sequence[str], hints: Mapping[str, str] | None = None, said: str = ""
 ) -> Verdict:
-    """One of several words, in any case, "a_b" as "a b"; ``hints``: what to say to a certain wrong one."""
+    """One of several words, in any case, "a_b" as "a b", "(a)" as "a"; ``hints``: what to say to a wrong one."""
     if (verdict := missing(answer)) is not None:
         return verdict
     if not isinstance(answer, str):
@@ -122,11 +122,15 @@ def choice(
 
 
 def _plain(word: str) -> str:
-    return word.strip().lower().replace("_", " ")
+    return word.strip(" \t\n().:").lower().replace("_", " ")
 
 
-def function(answer, cases, judge: Callable[..., Verdict], **options) -> Verdict:
+def function(
+    answer, cases, judge: Callable[..., Verdict], *, slips: Mapping[str, Callable] | None = None, **options
+) -> Verdict:
     """A function: ``cases`` are (arguments, expected), and each result is judged by ``judge`` with ``options``.
+
+    ``slips``: {hint: the function with this mistake in it}, from which the ``mistakes`` of each case are made.
 
     Told apart besides: not a function, an exception, arguments changed in place.
     """
@@ -147,6 +151,8 @@ def function(answer, cases, judge: Callable[..., Verdict], **options) -> Verdict
             if i:  # it has answered before
                 return not_yet(f"{_call(answer, arguments)} returns nothing; every way through it needs a `return`")
             return not_yet("the function returns nothing so far; write its body, and `return` the result")
+        if slips:
+            options["mistakes"] = {hint: slip(*arguments) for hint, slip in slips.items()}
         verdict = judge(result, expected, **options)
         if not verdict:
             return not_yet(f"{_call(answer, arguments)}: {verdict.hint}")
@@ -156,9 +162,14 @@ def function(answer, cases, judge: Callable[..., Verdict], **options) -> Verdict
 def _call(answer, arguments) -> str:
     """How the function was called, short."""
     texts = [
-        f"array {one.shape}" if isinstance(one, np.ndarray) and one.size > 4 else f"{one!r:.40}" for one in arguments
+        f"array {one.shape}" if isinstance(one, np.ndarray) and one.size > 4 else _short(repr(one))
+        for one in arguments
     ]
     return f"{getattr(answer, '__name__', 'your function')}({', '.join(texts)})"
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 40 else text[:12].split("(")[0] + "…"
 
 
 def first_failed(*verdicts: Verdict | Callable[[], Verdict]) -> Verdict:

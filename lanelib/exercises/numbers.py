@@ -20,11 +20,14 @@ FACTORS = {
     1 / 100: "100 times too small: metres where centimetres are wanted, or a share where per cent is?",
     180 / math.pi: "57.3 times too large: degrees where radians are wanted?",
     math.pi / 180: "57.3 times too small: radians where degrees are wanted?",
-    3.6: "3.6 times too large: km/h where m/s is wanted?",
-    1 / 3.6: "3.6 times too small: m/s where km/h is wanted?",
     2.0: "twice what it should be",
     0.5: "half of what it should be",
 }
+SPEED_FACTORS = {
+    3.6: "3.6 times too large: km/h where m/s is wanted?",
+    1 / 3.6: "3.6 times too small: m/s where km/h is wanted?",
+}
+SPEED_UNITS = ("", "m/s", "km/h", "s")  # elsewhere a factor of 3.6 is chance, a lane's width for instance
 
 
 def missing(answer) -> Verdict | None:
@@ -91,16 +94,16 @@ def _why(value: float, expected: float, unit: str, rel: float, tolerance: float,
     """The hint for a number that is not right."""
     shown = f"{value:.4g}{' ' + unit if unit else ''}"
     for hint, wrong in mistakes.items():
-        if _close(value, wrong, min(rel, 0.01), tolerance / 10):
+        if _close(value, wrong, min(rel, 0.01), min(tolerance / 10, abs(wrong) / 50)):
             return f"{shown}: {hint}"
     if _close(-value, expected, rel, tolerance):
         return f"{shown}: the size is right, the sign is reversed{f'; {sign}' if sign else ''}"
     if expected and value and math.isfinite(expected):
         ratio = value / expected
-        if (hint := _factor(ratio)) is not None:
+        if (hint := _factor(ratio, unit)) is not None:
             return f"{shown}: {hint}"
-        if _factor(-ratio) is not None:
-            return f"{shown}: {_factor(-ratio)}, and the sign is reversed{f'; {sign}' if sign else ''}"
+        if (hint := _factor(-ratio, unit)) is not None:
+            return f"{shown}: {hint}, and the sign is reversed{f'; {sign}' if sign else ''}"
         if abs(value * expected - 1) < FACTOR_TOLERANCE:
             return f"{shown}: this is one divided by the right answer"
         if ratio > 0:
@@ -110,10 +113,11 @@ def _why(value: float, expected: float, unit: str, rel: float, tolerance: float,
     return f"{shown}: {'too large' if value > expected else 'too small'}{' (or of the wrong sign)' if value else ''}"
 
 
-def _factor(ratio: float) -> str | None:
+def _factor(ratio: float, unit: str) -> str | None:
     if not (ratio > 0 and math.isfinite(ratio)):
         return None
-    return next((hint for factor, hint in FACTORS.items() if abs(ratio / factor - 1) < FACTOR_TOLERANCE), None)
+    factors = FACTORS | SPEED_FACTORS if unit in SPEED_UNITS else FACTORS
+    return next((hint for factor, hint in factors.items() if abs(ratio / factor - 1) < FACTOR_TOLERANCE), None)
 
 
 def array(
@@ -127,10 +131,12 @@ def array(
     sign: str = "",
     columns: str = "",
     dtype=None,
+    mistakes: Mapping[str, object] | None = None,
 ) -> Verdict:
     """Numbers in an array (a list will do), each as `number`; at least ``share`` of them must be right.
 
     ``columns``: what the last axis is, "x, y"; told where it is swapped. ``dtype``: where it matters (np.uint8).
+    ``mistakes``: {hint: numbers that this mistake gives}, of any shape.
     """
     if (verdict := missing(answer)) is not None:
         return verdict
@@ -138,6 +144,11 @@ def array(
     if isinstance(values, Verdict):
         return values
     expected = np.asarray(expected)
+    if values.shape == expected.shape and np.isclose(values, expected, rtol=rel, atol=tolerance).mean() >= share:
+        return right()
+    for hint, wrong in (mistakes or {}).items():
+        if values.shape == np.shape(wrong) and np.allclose(values, wrong, rtol=min(rel, 0.01), atol=tolerance / 10):
+            return not_yet(hint)
     if values.shape != expected.shape:
         return not_yet(shape_hint(values.shape, expected.shape))
     wanted, got = expected.astype(float), values.astype(float)
@@ -159,7 +170,7 @@ def array(
     use = np.isfinite(wanted) & np.isfinite(got) & (np.abs(wanted) > max(tolerance, 1e-12))
     ratio = np.median(got[use] / wanted[use]) if use.any() else np.nan
     if np.isfinite(ratio) and ratio and abs(ratio - 1) > FACTOR_TOLERANCE and good(got / ratio).mean() >= share:
-        hint = _factor(ratio) or (f"all values are {ratio:.3g} times what they should be")
+        hint = _factor(ratio, unit) or (f"all values are {ratio:.3g} times what they should be")
         return not_yet(f"{hint}{f' (unit: {unit})' if unit else ''}")
     shift = np.median((got - wanted)[use]) if use.any() else np.nan
     if np.isfinite(shift) and good(got - shift).mean() >= share:
@@ -180,15 +191,26 @@ def as_array(answer, dtype=None) -> np.ndarray | Verdict:
     except ValueError:
         return not_yet(f"an array is needed, found a {type(answer).__name__} of unequal parts")
     if values.dtype.kind not in "iufb":
-        return not_yet(f"an array of numbers is needed, found elements of type {values.dtype}")
+        return not_yet(f"an array of numbers is needed, found {_elements(values)}")
     if dtype is not None and values.dtype != np.dtype(dtype):
         return not_yet(f"dtype {np.dtype(dtype)} is needed, found {values.dtype}")
     return values
 
 
+def _elements(values: np.ndarray) -> str:
+    """What an array has instead of numbers, in a learner's words."""
+    if values.dtype != object:
+        return f"elements of type {values.dtype}"
+    if values.ndim == 0:
+        return f"a {type(values[()]).__name__}; make a list or an array of it"
+    return "None among them" if None in values.ravel().tolist() else "elements of several types"
+
+
 def shape_hint(found: tuple, wanted: tuple) -> str:
     """The hint for a shape that is not right."""
     hint = ""
+    if not found and len(wanted) == 1:
+        return f"{wanted[0]} numbers are needed, shape {wanted}, found a single one"
     if found == wanted[::-1] and len(found) > 1:
         hint = "; transposed? shapes are (rows, columns)"
     elif len(found) == len(wanted) and len(wanted) > 1 and found[:2] == wanted[1::-1]:
