@@ -18,11 +18,18 @@ def test_precision_recall():
     assert exercises.check_precision_recall(precision_recall)
     assert exercises.check_precision_recall(lambda m, p: np.array(precision_recall(m, p)))
     assert exercises.check_precision_recall(lambda m, p: list(precision_recall(m, p)))
+    assert exercises.check_precision_recall(lambda m, p: [round(float(share), 2) for share in precision_recall(m, p)])
 
 
 def of_the_mask_twice(mask, paint):
     hits = ((mask > 0) & (paint > 0)).sum()
     return hits / (mask > 0).sum(), hits / (mask > 0).sum()
+
+
+def counted_255(mask, paint):
+    """Blind to a mask of bool or 0/1."""
+    with np.errstate(all="ignore"):
+        return precision_recall(mask == 255, paint == 255)
 
 
 @pytest.mark.parametrize(
@@ -31,7 +38,11 @@ def of_the_mask_twice(mask, paint):
         (lambda m, p: precision_recall(m, p)[::-1], "exchanged"),
         (of_the_mask_twice, "both are the same"),
         (lambda m, p: ((m & p).sum() / (m > 0).sum(), (m & p).sum() / (p > 0).sum()), "at most 1"),
-        (lambda m, p: precision_recall(m, p)[0], "shape"),
+        (lambda m, p: precision_recall(m, p)[0], "a pair"),
+        (lambda m, p: [100 * share for share in precision_recall(m, p)], "per cent"),
+        (lambda m, p: [1 / share for share in precision_recall(m, p)], "turned over"),
+        (counted_255, "nothing was counted"),
+        (lambda m, p: ((m & p).sum() / m.sum(), (m & p).sum() / p.sum()), "0/1 here"),
         (lambda m, p: None, "returns nothing"),
         (0.9, "a function is needed"),
     ],
@@ -59,18 +70,26 @@ def test_ridge():
     assert exercises.check_ridge(lambda row, d: ridge(row, d).astype(np.float32))
 
 
+def with_the_other_end(row, distance):
+    wide = row.astype(int)
+    return wide - np.maximum(np.roll(wide, distance), np.roll(wide, -distance))
+
+
 @pytest.mark.parametrize(
     ("wrong", "hint"),
     [
         (lambda row, d: ridge(row, d).astype(np.uint8), "wraps around"),
-        (lambda row, d: np.maximum(ridge(row, d), 0), "below 0"),
+        (lambda row, d: np.maximum(ridge(row, d), 0), "cut off"),
+        (lambda row, d: np.abs(ridge(row, d)), "the sign is lost"),
+        (with_the_other_end, "the first and the last 2 pixels"),
+        (lambda row, d: ridge(row.astype(np.int8), d), "right"),
         (lambda row, d: ridge(row, d, side=np.minimum), "not with the darker one"),
         (lambda row, d: ridge(row, d, side=lambda a, b: (a + b) / 2), "not with the mean"),
         (lambda row, d: ridge(row, d, side=lambda a, b: a), "left one only"),
         (lambda row, d: ridge(row, d, side=lambda a, b: b), "right one only"),
-        (lambda row, d: ridge(row, d)[d:-d], "shape"),
+        (lambda row, d: ridge(row, d)[d:-d], "the ends are missing"),
         (lambda row, d: -ridge(row, d), "reversed"),
-        (lambda row, d: ridge(row, 2), "%"),
+        (lambda row, d: ridge(row, 2), "2 away from the centre, `distance` is 5"),
         (..., "nothing here"),
     ],
 )
@@ -103,6 +122,7 @@ def test_yellow(right):
     [
         (lambda frame: CHANNELS["hls_s"](frame) > 170, "at 0.4 times the light"),
         (lambda frame: frame[:, :, 2] > 200, "white paint"),
+        (lambda frame: ~share_of_brightness(frame), "inverted"),
         (lambda frame: share_of_brightness(frame[:, :, ::-1]), "BGR"),
         (lambda frame: frame[:, :, 0] > 254, "too little passes"),
         (lambda frame: frame, "shape"),

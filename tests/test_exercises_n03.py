@@ -25,6 +25,9 @@ def test_map_point():
         (lambda m, p: (np.column_stack([p, np.ones(len(p))]) @ m.T)[:, :2], "divide by the third"),
         (lambda m, p: np.column_stack([p, np.ones(len(p))]) @ m.T, "homogeneous"),
         (lambda m, p: mapped(m.T, p), "points @ H.T"),
+        (lambda m, p: m @ p, "mismatch"),
+        (lambda m, p: mapped(np.linalg.inv(m), p), "maps back"),
+        (lambda m, p: mapped(m, p[:, ::-1]), "go in are exchanged"),
         (lambda m, p: mapped(m, p)[:, ::-1], "x, y is wanted"),
         (lambda m, p: mapped(m, p).T, "shape"),
         (lambda m, p: np.abs(mapped(m, p)) * np.sign(m[2, 2]) * np.sign(mapped(m, p)), "reversed"),
@@ -39,6 +42,7 @@ def test_map_point_hints(wrong, hint):
 
 def test_distance_of_row():
     assert exercises.check_distance_of_row(lambda v, horizon, f, h: f * h / (v - horizon))
+    assert exercises.check_distance_of_row(lambda v, horizon, f, h: round(f * h / (v - horizon), 1))
     assert exercises.check_distance_of_row(lambda v, horizon, f, h: h / np.tan(np.arctan((v - horizon) / f)))
 
 
@@ -50,6 +54,9 @@ def test_distance_of_row():
         (lambda v, horizon, f, h: h / (v - horizon), "longer lens"),
         (lambda v, horizon, f, h: f / (v - horizon), "height is missing"),
         (lambda v, horizon, f, h: (v - horizon) / (f * h), "turned over"),
+        (lambda v, horizon, f, h: f * h / v - horizon, "bracket"),
+        (lambda v, horizon, f, h: f * h / (v - horizon) ** 2, "in one row"),
+        (lambda v, horizon, f, h: f / h / (v - horizon), "the height multiplies"),
         (lambda v, horizon, f, h: 1000 * f * h / (v - horizon), "1000 times"),
         (lambda v, horizon, f, h: None, "returns nothing"),
     ],
@@ -62,6 +69,7 @@ def test_distance_of_row_hints(wrong, hint):
 
 def test_camera_height():
     assert exercises.check_camera_height(lambda w_px, d, w: w * d / w_px)
+    assert exercises.check_camera_height(lambda w_px, d, w: round(w * d / w_px, 2))
     assert exercises.check_camera_height(lambda w_px, d, w: np.float32(w / (w_px / d)))
 
 
@@ -72,6 +80,7 @@ def test_camera_height():
         (lambda w_px, d, w: d / (w_px * w), "should multiply"),
         (lambda w_px, d, w: w * w_px / d, "turn rows and pixels around"),
         (lambda w_px, d, w: 100 * w * d / w_px, "centimetres"),
+        (lambda w_px, d, w: d / w_px, "no metres"),  # 3.6 times too small by chance: no km/h
     ],
 )
 def test_camera_height_hints(wrong, hint):
@@ -97,6 +106,7 @@ def test_true_radius():
         (lambda r, assumed, true: r * assumed / true, "squared"),
         (lambda r, assumed, true: r * (assumed / true) ** 2, "the other way round"),
         (lambda r, assumed, true: r, "unchanged"),
+        (lambda r, assumed, true: (true / assumed) ** 2, "the radius itself"),
     ],
 )
 def test_true_radius_hints(wrong, hint):

@@ -25,7 +25,12 @@ def test_start_columns():
     assert "order" in exercises.check_start_columns(lambda s, c: argmax(s, c)[::-1]).hint
     counted = exercises.check_start_columns(lambda s, c: (int(np.argmax(s[:c])), int(np.argmax(s[c:]))))
     assert not counted and "centre" in counted.hint
-    assert not exercises.check_start_columns(lambda s, c: argmax(s, len(s) // 2)), "the middle of the picture"
+    middle = exercises.check_start_columns(lambda s, c: argmax(s, len(s) // 2))
+    assert not middle and "split it at `centre`" in middle.hint
+    first = exercises.check_start_columns(lambda s, c: (np.flatnonzero(s)[0], c + np.flatnonzero(s[c:])[0]))
+    assert not first and "the highest are asked for" in first.hint
+    heights = exercises.check_start_columns(lambda s, c: (s[:c].max(), s[c:].max()))
+    assert not heights and "heights of the peaks" in heights.hint
 
 
 # ------------------------------------------------------------------ units
@@ -134,3 +139,40 @@ def test_fit_shared_wrong():
 
     assert "half of what" in exercises.check_fit_shared(half_width).hint
     assert "shape" in exercises.check_fit_shared(lambda *_: np.zeros(3)).hint
+
+
+# ------------------------------------------------------------------ mistakes that are told by their value
+@pytest.mark.parametrize(("name", "wrong", "hint"), [
+    ("curvature_of_lane", lambda left, right: -2 * left[0] / (1 + left[1] ** 2) ** 1.5, "the left line's"),
+    ("curvature_of_lane", lambda left, right: -sum(a / (1 + b * b) ** 0.5 for a, b, _ in (left, right)), "has 1/2"),
+    ("curvature_of_lane", lambda left, right: -sum(a / (1 + b * b) ** 3 / 2 for a, b, _ in (left, right)), "(3 / 2)"),
+    ("curvature_of_lane", lambda left, right: -sum(a / (1 + c * c) ** 1.5 for a, _, c in (left, right)), "uses C"),
+    ("curvature_of_lane", lambda left, right: -sum(c / (1 + b * b) ** 1.5 for _, b, c in (left, right)), "C for A"),
+    ("offset_and_width", lambda left, right: (-(left[0] + right[0]) / 2, right[0] - left[0]), "at y = 0"),
+    ("offset_and_width", lambda left, right: (-(left[2] + right[2]), right[2] - left[2]), "twice"),
+    ("offset_and_width", lambda left, right: (-(left[2] + right[2]) / 2, left[2] - right[2]), "negative"),
+    ("offset_and_width",
+     lambda left, right: (-(left[2] + right[2]) / 2, (right[2] - left[2]) / (1 + left[1] ** 2)), "the root of"),
+    ("bend_in_metres", lambda a, sx, sy: a * sx, "the rows' scale is missing"),
+])  # fmt: skip
+def test_hints_by_value(name, wrong, hint):
+    verdict = getattr(exercises, f"check_{name}")(wrong)
+    assert not verdict and hint in verdict.hint, verdict
+
+
+def everything(left_xy, right_xy):
+    rows = [np.column_stack([np.ones(len(xy)), xy[:, 1], xy[:, 1] ** 2, np.full(len(xy), side / 2)])
+            for side, xy in ((-1, left_xy), (1, right_xy))]  # fmt: skip
+    return np.linalg.lstsq(np.vstack(rows), np.concatenate([left_xy[:, 0], right_xy[:, 0]]), rcond=None)
+
+
+@pytest.mark.parametrize(("change", "hint"), [
+    ([1, 1, 1, -1], "the width's sign"), ([1, 1, -2, 1], "this is the curvature"), ([1, 1, 2, 1], "twice the bend"),
+    ([1, -1, 1, 1], "the heading's sign"),
+])  # fmt: skip
+def test_a_shared_fit_is_judged_number_by_number(change, hint):
+    assert exercises.check_fit_shared(lambda left, right: everything(left, right)[0])
+    assert hint in exercises.check_fit_shared(lambda left, right: everything(left, right)[0] * change).hint
+    assert "four things" in exercises.check_fit_shared(everything).hint
+    second = exercises.check_fit_shared(lambda left, right: everything(left, right)[0][[0, 3, 1, 2]])
+    assert "came out second" in second.hint

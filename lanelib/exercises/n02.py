@@ -21,19 +21,56 @@ def check_precision_recall(answer):
     paint = (rng.random((40, 60)) < 0.1).astype(np.uint8) * 255
     mask = np.where(rng.random((40, 60)) < 0.7, paint, 0)
     mask[rng.random((40, 60)) < 0.05] = 255
-    precision, recall = _score(mask, paint)
+    # 0/255 first; then the other ways to write the same
+    given = [(mask, paint), (mask > 0, paint), ((mask > 0).astype(np.uint8), paint > 0)]
+    cases = [(one, np.array(_score(mask, paint))) for one in given]
 
-    def judge(value, expected):
+    def slipped(score):
+        """A wrong pair, from hits, and the numbers of pixels found, painted, and of all."""
+        def pair(mask, paint):
+            on, painted = mask != 0, paint != 0
+            return score((on & painted).sum(), on.sum(), painted.sum(), on.size)
+
+        return pair
+
+    slips = {
+        "these are the two, but exchanged: precision divides by the mask, recall by the paint":
+            slipped(lambda hits, on, painted, _: (hits / painted, hits / on)),
+        "in per cent; a share is 0 to 1": slipped(lambda hits, on, painted, _: (100 * hits / on, 100 * hits / painted)),
+        "turned over: the hits are divided, they do not divide":
+            slipped(lambda hits, on, painted, _: (on / hits, painted / hits)),
+        "this is one number, the overlap (intersection over union); a pair is asked for":
+            slipped(lambda hits, on, painted, _: hits / (on + painted - hits)),
+        "this is F1; precision and recall on their own are asked for":
+            slipped(lambda hits, on, painted, _: 2 * hits / (on + painted)),
+        "the precision alone; a pair (precision, recall) is asked for": slipped(lambda hits, on, *_: hits / on),
+        "the first is right; recall is the share of the *paint* that was found, not of the road":
+            slipped(lambda hits, on, painted, size: (hits / on, (on - hits) / (size - painted))),
+        "one is 0/1 here, the other 0/255: count the pixels that are not 0, do not add up their values":
+            slipped(lambda hits, on, painted, _: (hits / on, hits / painted / 255)),
+        "255 times 255 wraps around in 8 bits; make the masks bool first (not 0 means yes)":
+            slipped(lambda hits, on, painted, _: (hits / on / 255, hits / painted / 255)),
+    }  # fmt: skip
+
+    def judge(value, expected, *, mistakes):
         values = np.asarray(value, float).ravel() if np.size(value) == 2 else None
-        if values is not None and np.allclose(values, expected[::-1], rtol=1e-6):
-            return not_yet("these are the two, but exchanged: precision divides by the mask, recall by the paint")
-        if values is not None and (values > 1.001).any():
+        if values is not None and np.isnan(values).any():
+            return not_yet("nothing was counted; `== 1` and `== 255` do not fit all masks, `!= 0` does")
+        verdict = array(value, expected, rel=0, tolerance=0.006, mistakes=mistakes)  # two decimals will do
+        if verdict or values is None or any(verdict.hint == hint for hint in mistakes):
+            return verdict
+        if (values > 1.001).any():
             return not_yet("a share is at most 1; count pixels that are not 0, do not add up their 255s (which wrap)")
-        if values is not None and np.allclose(values, values[0]) and not np.allclose(expected, expected[0]):
+        if np.allclose(values, values[0]):
             return not_yet("both are the same; the hits are divided by the mask once, and once by the paint")
-        return array(value, expected, rel=1e-6)
+        return verdict
 
-    return function(answer, [((mask, paint), np.array([precision, recall]))], judge)
+    return function(answer, cases, judge, slips=slips)
+
+
+def _ridge(row: np.ndarray, distance: int) -> np.ndarray:
+    padded = np.pad(row.astype(float), distance, mode="edge")
+    return row - np.maximum(padded[: -2 * distance], padded[2 * distance :])
 
 
 @never_raises
@@ -43,15 +80,20 @@ def check_ridge(answer):
     cases = []
     for distance in (2, 5):
         row = rng.integers(0, 255, 60).astype(np.uint8)
-        padded = np.pad(row.astype(float), distance, mode="edge")
-        cases.append((row, distance, row - np.maximum(padded[: -2 * distance], padded[2 * distance :])))
+        cases.append((row, distance, _ridge(row, distance)))
 
     def judge(value, expected, distance):
         values = np.asarray(value)
         inner = slice(distance, -distance)
         if values.shape == expected.shape:
+            if np.allclose(values[inner], np.maximum(expected, 0)[inner]):
+                return not_yet("no value is below 0: they were cut off there; a valley is negative")
+            if np.allclose(values[inner], np.abs(expected)[inner]):
+                return not_yet("no value is below 0: the sign is lost; a valley is negative")
             if values.dtype == np.uint8 or (values.min(initial=0) >= 0 and expected.min() < 0):
                 return not_yet("no value is below 0: uint8 wraps around (3 - 5 is 254); convert to float or int first")
+            if values.dtype == np.int8 or np.allclose(values[inner], expected.astype(np.int8)[inner]):
+                return not_yet("int8 ends at 127, and grey levels at 255; convert to float or int")
             row, padded = judge.row, np.pad(judge.row.astype(float), distance, mode="edge")
             left, right_side = padded[: -2 * distance], padded[2 * distance :]
             for hint, other in {
@@ -59,10 +101,21 @@ def check_ridge(answer):
                 "compare with the brighter side, not with the darker one": np.minimum(left, right_side),
                 "compare with both sides, not with the left one only": left,
                 "compare with both sides, not with the right one only": right_side,
+                "take the brighter side away once, not the sum of both": left + right_side,
             }.items():
                 if np.allclose(values[inner].astype(float), (row - other)[inner]):
                     return not_yet(hint)
-            return array(values[inner], expected[inner], unit="grey levels", rel=1e-6)
+            for other in (2, 1, 2 * distance, distance + 1, distance - 1):
+                if other != distance and np.allclose(values[10:-10], _ridge(judge.row, other)[10:-10]):
+                    return not_yet(f"the sides are {other} away from the centre, `distance` is {distance}")
+            if not (inside := array(values[inner], expected[inner], unit="grey levels", rel=1e-6)):
+                return inside
+            if not np.allclose(values, expected):
+                ends = f"right but for the first and the last {distance} pixels"
+                return not_yet(f"{ends}: beyond the end the last pixel is repeated (`np.roll` fetches the other end)")
+            return right()
+        if values.shape == expected[inner].shape:
+            return not_yet(f"shape {expected.shape} is needed, found {values.shape}: the ends are missing")
         return array(value, expected)
 
     verdict = right()
@@ -75,7 +128,7 @@ def check_ridge(answer):
 
 @never_raises
 def check_yellow(answer):
-    """A mask of yellow paint, (H, W, 3) BGR in, that must hold in the sun and at half the light."""
+    """A mask of yellow paint, (H, W, 3) BGR in, that must hold in the sun and at 0.4 times the light."""
     for light, when in ((1.0, "in the sun"), (0.4, "at 0.4 times the light")):
         frame, yellow, road = (part.copy() for part in _yellow_road(light))
         given = frame.copy()
@@ -90,8 +143,10 @@ def check_yellow(answer):
         if min(_score(other & road, yellow)) >= NEEDED:
             return not_yet("it works on RGB; frames here are BGR: frame_bgr[:, :, 0] is blue")
         found = f"{when} precision is {precision:.2f} and recall {recall:.2f}, {NEEDED} each is needed"
+        if min(_score(~mask & road, yellow)) >= NEEDED:
+            return not_yet("inverted: what should be set is not, and the other way round")
         if recall >= NEEDED:
-            return not_yet(f"{found}: too much passes; white paint or grey road, too?")
+            return not_yet(f"{found}: too much passes: white paint, grey road, or differences of uint8 that wrap?")
         if light < 1:
             return not_yet(f"{found}: a number that fits the sun does not fit the shade; compare with the brightness")
         return not_yet(f"{found}: too little passes; which channels of yellow are high, which is low?")
