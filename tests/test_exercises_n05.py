@@ -29,7 +29,12 @@ def test_exponential():
     assert exercises.check_exponential(lambda v, a: np.array(exponential(v, a)))
     assert "new" in exercises.check_exponential(lambda v, a: exponential(v, 1 - a)).hint
     assert "first" in exercises.check_exponential(lambda v, a: exponential([0, *v], a)[1:]).hint
-    assert "shape" in exercises.check_exponential(lambda v, a: exponential(v, a)[1:]).hint
+    assert exercises.check_exponential(lambda v, a: np.round(exponential(v, a), 2))
+    assert "the first value is missing" in exercises.check_exponential(lambda v, a: exponential(v, a)[1:]).hint
+    assert "all are asked for" in exercises.check_exponential(lambda v, a: exponential(v, a)[-1]).hint
+    raw = exercises.check_exponential(lambda v, a: np.append(v[0], (1 - a) * v[:-1] + a * v[1:]))
+    assert "smoothed" in raw.hint
+    assert "generator" in exercises.check_exponential(lambda v, a: (x for x in exponential(v, a))).hint
 
     def in_place(values, alpha):
         for i in range(1, len(values)):
@@ -49,6 +54,12 @@ def fuse(a, var_a, b, var_b):
     (lambda a, u, b, v: ((a + b) / 2, u * v / (u + v)), "plain mean"),
     (lambda a, u, b, v: (fuse(a, v, b, u)[0], u * v / (u + v)), "wrong way round"),
     (lambda a, u, b, v: (fuse(a, u, b, v)[0], u + v), "smaller than either"),
+    (lambda a, u, b, v: ((a + b) / 2, (u + v) / 2), "both: the better one must count more"),
+    (lambda a, u, b, v: (fuse(a, v, b, u)[0], u + v), "both: the weights are the wrong way round"),
+    (lambda a, u, b, v: fuse(a, u * u, b, v * v), "here they are squared"),
+    (lambda a, u, b, v: (fuse(a, u, b, v)[0], min(u, v)), "surer than the better one"),
+    (lambda a, u, b, v: (a / u + b / v, u * v / (u + v)), "sum of the weights"),
+    (lambda a, u, b, v: fuse(a, u, b, v)[0], "a pair"),
     (lambda a, u, b, v: (fuse(a, u, b, v)[0], (u * v / (u + v)) ** 0.5), "variance"),
 ])  # fmt: skip
 def test_fuse(wrong, hint):

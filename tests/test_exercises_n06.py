@@ -28,6 +28,9 @@ def test_tusimple():
         (lambda f, x, a: np.mean((np.abs(f - x) < 20 / np.cos(a))[f >= 0]), "not seen at all"),
         (lambda f, x, a: 100 * np.mean((np.abs(f - x) < 20 / np.cos(a)) & (f >= 0)), "per cent"),
         (lambda f, x, a: np.abs(f - x) < 20, "single number"),
+        (lambda f, x, a: np.mean((f - x < 20 / np.cos(a)) & (f >= 0)), "absolute value"),
+        (lambda f, x, a: np.sum((np.abs(f - x) < 20 / np.cos(a)) & (f >= 0)), "how many"),
+        (lambda f, x, a: np.mean(np.abs(f - x) < 20), "two things"),
         (lambda f, x, a: None, "return"),
         (..., "nothing here"),
     ],
@@ -52,6 +55,9 @@ def test_jitter():
         (lambda f, t: np.std(f - t), "slow drift"),
         (lambda f, t: 100 * np.sqrt(np.mean(np.diff(f - t) ** 2)), "centimetres"),
         (lambda f, t: np.diff(f - t), "single number"),
+        (lambda f, t: np.sqrt(np.mean(np.diff(np.abs(f - t)) ** 2)), "leave `abs` out"),
+        (lambda f, t: np.sqrt(np.sum(np.diff(f - t) ** 2)), "take their mean"),
+        (lambda f, t: np.sqrt(np.mean(np.diff(f - t, 2) ** 2)), "taken twice"),
     ],
 )
 def test_wrong_jitter(wrong, hint):
@@ -66,6 +72,7 @@ def exact(x, y, degrees, h):
 def test_pitch_error():
     assert exercises.check_pitch_error(lambda x, y, d, h: x * y * np.radians(d) / h)
     assert exercises.check_pitch_error(exact)
+    assert exercises.check_pitch_error(lambda x, y, d, h: np.array([x * y * np.radians(d) / h]))
     assert exercises.check_pitch_error(lambda x, y, d, h: abs(x) * y * np.radians(d) / h)
 
 
@@ -80,6 +87,10 @@ def test_pitch_error():
         (lambda x, y, d, h: 0.0, "too small"),
         (lambda x, y, d, h: x / d, "0.0"),
         (lambda x, y, d, h: None, "return"),
+        (lambda x, y, d, h: [x, y], "a single number"),
+        (lambda x, y, d, h: "far", "a number is needed"),
+        (lambda x, y, d, h: x * y * np.radians(d), "height is missing"),
+        (lambda x, y, d, h: x + x * y * np.radians(d) / h, "by how much it moves"),
         (7, "a function is needed"),
     ],
 )

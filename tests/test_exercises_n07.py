@@ -32,6 +32,8 @@ def test_pixels_of_road():
         (lambda p, rig: rig.camera.distort_points(rig.birdseye.points_from_road(p))[:, ::-1], "order of the last axis"),
         (lambda p, rig: rig.camera.distort_points(rig.birdseye.points_from_road(p))[0], "shape"),
         (lambda p, rig: rig.camera.distort_points(rig.birdseye.road_from_points(p)), "its inverse"),
+        (lambda p, rig: rig.camera.distort_points(p), "these are metres"),
+        (lambda p, rig: rig.birdseye.points_from_road(rig.camera.distort_points(p)), "the other order"),
         (lambda p, rig: None, "return"),
     ],
 )
@@ -52,7 +54,9 @@ def test_speedup():
         (lambda s, f: (1 - s) + s / f, "one divided by it"),
         (lambda s, f: (1 - s) + s * f, "speeds do not"),
         (lambda s, f: 1 / (s + (1 - s) / f), "swapped"),
-        (lambda s, f: s * f, "too large"),
+        (lambda s, f: s * f, "times do add up"),
+        (lambda s, f: f, "quick part alone"),
+        (lambda s, f: 1 / ((1 - s) + s / f) - 1, "one less than"),
         (..., "nothing here"),
     ],
 )
@@ -63,6 +67,7 @@ def test_wrong_speedup(wrong, hint):
 
 def test_frame_rates():
     assert exercises.check_frame_rates(lambda ms: (1000 / sum(ms), 1000 / max(ms)))
+    assert exercises.check_frame_rates(lambda ms: [int(1000 / sum(ms)), int(1000 / max(ms))])
     assert exercises.check_frame_rates(lambda ms: np.array([1e3 / np.sum(ms), 1 / (np.max(ms) / 1e3)]))
 
 
@@ -74,7 +79,10 @@ def test_frame_rates():
         (lambda ms: (1 / sum(ms), 1 / max(ms)), "millisecond"),
         (lambda ms: (sum(ms), max(ms)), "milliseconds a frame"),
         (lambda ms: (1000 / max(ms), 1000 / sum(ms)), "order"),
-        (lambda ms: 1000 / sum(ms), "shape"),
+        (lambda ms: 1000 / sum(ms), "2 numbers are needed"),
+        (lambda ms: (1000 / sum(ms), sum(1000 / one for one in ms)), "do not add up"),
+        (lambda ms: (1000 / sum(ms), 1000 / sum(ms)), "do not wait for their sum"),
+        (lambda ms: (60 / sum(ms), 60 / max(ms)), "not 60"),
     ],
 )
 def test_wrong_frame_rates(wrong, hint):

@@ -16,7 +16,8 @@ from lanelib.rig import Rig
 
 def test_square_px():
     assert exercises.check_square_px(lambda mm, dpi: mm / 25.4 * dpi)
-    assert exercises.check_square_px(lambda mm, dpi: round(dpi * mm / 25.4))
+    for whole in (round, int, np.ceil):
+        assert exercises.check_square_px(lambda mm, dpi, whole=whole: whole(dpi * mm / 25.4))
 
 
 @pytest.mark.parametrize(
@@ -25,6 +26,9 @@ def test_square_px():
         (lambda mm, dpi: mm * dpi, "dots an inch"),
         (lambda mm, dpi: 25.4 / mm * dpi, "other way round"),
         (lambda mm, dpi: mm / 2.54 * dpi, "that is cm"),
+        (lambda mm, dpi: mm / 25 * dpi, "not 25"),
+        (lambda mm, dpi: mm * 25.4 * dpi, "divides by 25.4"),
+        (lambda mm, dpi: mm / 25.4 / dpi, "multiply by dpi"),
         (lambda mm, dpi: 0.0, "too small"),
         (..., "nothing here"),
     ],
@@ -39,7 +43,8 @@ RIGHT = {"a": "height", "b": "pitch", "c": "focal length", "d": "yaw"}
 
 def test_diagnosis():
     assert exercises.check_diagnosis(RIGHT)
-    assert exercises.check_diagnosis({key: value.upper() for key, value in RIGHT.items()})
+    assert exercises.check_diagnosis({key.upper(): value.upper() for key, value in RIGHT.items()})
+    assert exercises.check_diagnosis(RIGHT | {"c": "focal"})
     assert exercises.check_diagnosis({key: value.replace(" ", "_") for key, value in RIGHT.items()})
 
 
@@ -49,6 +54,9 @@ def test_diagnosis():
         (RIGHT | {"a": "focal length"}, "a: then the width would be right"),
         (RIGHT | {"b": "height"}, "do not stay parallel"),
         (RIGHT | {"c": "height"}, "width would be wrong"),
+        (RIGHT | {"a": "yaw"}, "changes no length"),
+        (RIGHT | {"b": "focal length"}, "stretches the way ahead"),
+        (RIGHT | {"d": "height"}, "no directions"),
         (RIGHT | {"d": "pitch"}, "opposite directions"),
         (RIGHT | {"d": "roll"}, "one of"),
         (RIGHT | {"c": ...}, "c: nothing here"),
@@ -64,6 +72,9 @@ def test_wrong_diagnosis(wrong, hint):
 
 def test_zoomed_focal():
     assert exercises.check_zoomed_focal(lambda f, share: f / share)
+    assert exercises.check_zoomed_focal(lambda f, share: round(f / share))
+    assert "by which factor" in exercises.check_zoomed_focal(lambda f, share: f * (2 - share)).hint
+    assert "unchanged" in exercises.check_zoomed_focal(lambda f, share: f).hint
     verdict = exercises.check_zoomed_focal(lambda f, share: f * share)
     assert not verdict and "smaller?" in verdict.hint
     verdict = exercises.check_zoomed_focal(lambda f, share: f / share**2)

@@ -44,9 +44,15 @@ def check_exponential(answer):
     wrong = [
         ("alpha is the weight of the *new* value; here it is that of the old one",
          [_exponential(v, 1 - a) for v, a in given]),
+        ("the step starts from the last *smoothed* value, not from the last given one",
+         [np.concatenate([v[:1], v[:-1] + a * (v[1:] - v[:-1])]) for v, a in given]),
+        ("these are the values as given; where does alpha come in?", [v for v, _ in given]),
+        ("this is the last one alone; all are asked for", [_exponential(*g)[-1] for g in given]),
+        ("the first value is missing; it is the first output as it is", [_exponential(*g)[1:] for g in given]),
+        ("one too many: the first value is there twice", [np.append(g[0][0], _exponential(*g)) for g in given]),
         ("begin with the first value, not with 0", [from_zero(*g) for g in given]),
     ]  # fmt: skip
-    return _hinted(answer, [(g, _exponential(*g)) for g in given], wrong, rel=1e-6, tolerance=1e-9)
+    return _hinted(answer, [(g, _exponential(*g)) for g in given], wrong, rel=0, tolerance=0.006)  # two decimals
 
 
 def _fuse(a, var_a, b, var_b) -> tuple[float, float]:
@@ -68,6 +74,28 @@ def check_fuse(answer):
          [(m[0], u + v) for m, (_, u, _, v) in zip(right_ones, given, strict=True)]),
         ("the standard deviation is given; the variance is asked for",
          [(m[0], np.sqrt(m[1])) for m in right_ones]),
+        ("variances enter as they are; here they are squared, as if they were standard deviations",
+         [_fuse(a, u * u, b, v * v) for a, u, b, v in given]),
+        ("the mean is right; what two know together is surer than the mean of their variances",
+         [(m[0], (u + v) / 2) for m, (_, u, _, v) in zip(right_ones, given, strict=True)]),
+        ("the mean is right; the worse measurement knows something, too: both together are surer than the better one",
+         [(m[0], min(u, v)) for m, (_, u, _, v) in zip(right_ones, given, strict=True)]),
+        ("the mean is right; the variance is not the product: its unit would be squared",
+         [(m[0], u * v) for m, (_, u, _, v) in zip(right_ones, given, strict=True)]),
+        ("the weighted sum still has to be divided by the sum of the weights",
+         [(a / u + b / v, m[1]) for m, (a, u, b, v) in zip(right_ones, given, strict=True)]),
+        ("the correction goes the wrong way: from a towards b",
+         [(2 * a - m[0], m[1]) for m, (a, *_) in zip(right_ones, given, strict=True)]),
+        ("this is the better one of the two; the other one knows something, too",
+         [(a, u) if u < v else (b, v) for a, u, b, v in given]),
+        ("the mean alone; a pair (mean, variance) is asked for", [m[0] for m in right_ones]),
+        *((f"both: {first}; and two measurements know more than one, so the variance is smaller than either",
+           [(weigh(a, u, b, v), spread(u, v)) for a, u, b, v in given])
+          for first, weigh in (("the better one must count more in the mean", lambda a, u, b, v: (a + b) / 2),
+                               ("the weights are the wrong way round", lambda a, u, b, v: (u * a + v * b) / (u + v)))
+          for spread in (lambda u, v: u + v, lambda u, v: (u + v) / 2)),
+        ("both: the better one must count more in the mean, and in the variance",
+         [((a + b) / 2, (u + v) / 4) for a, u, b, v in given]),
         ("the second number is 1 / variance; turn it round", [(m[0], 1 / m[1]) for m in right_ones]),
         ("the weights are 1 / variance, not 1 / variance²",
          [((a / u**2 + b / v**2) / (u**-2 + v**-2), _fuse(a, u, b, v)[1]) for a, u, b, v in given]),
@@ -103,10 +131,31 @@ def check_kalman_step(answer):
          [np.array(_kalman(m, v, q * q, z, r)) for m, v, q, z, r in given]),
         ("the standard deviation is given; the variance is asked for",
          [np.array([r[0], np.sqrt(r[1])]) for r in right_ones]),
+        ("first predict, then update: here the step's variance comes after the update",
+         [(m, v + q) if z is None else np.add(_fuse(m, v, z, r), (0, q)) for m, v, q, z, r in given]),
+        ("the gain is made of the old variance; the predicted one is larger by the step's",
+         [(m, v + q) if z is None else (m + v / (v + r) * (z - m), (1 - v / (v + r)) * (v + q))
+          for m, v, q, z, r in given]),
+        ("the mean is right; the measurement makes the variance smaller, too",
+         [(one[0], v + q) for one, (_, v, q, _, _) in zip(right_ones, given, strict=True)]),
+        ("the mean is right; of the variance 1 - gain remains, not the gain",
+         [(m, v + q) if z is None else (one[0], (v + q) ** 2 / (v + q + r))
+          for one, (m, v, q, z, r) in zip(right_ones, given, strict=True)]),
+        ("the gain is the wrong way round: a sure measurement (small variance) counts much",
+         [(m, v + q) if z is None else (m + r / (v + q + r) * (z - m), one[1])
+          for one, (m, v, q, z, r) in zip(right_ones, given, strict=True)]),
+        ("the step makes the *estimate* less sure, not the measurement",
+         [(m, v + q) if z is None else _fuse(m, v, z, r + q) for m, v, q, z, r in given]),
+        ("the past is thrown away: this is the measurement alone",
+         [(m, v + q) if z is None else (z, r) for m, v, q, z, r in given]),
+        ("a step makes less sure: its variance is added", [_kalman(m, v, -q, z, r) for m, v, q, z, r in given]),
+        ("the step's variance makes the estimate less sure; it does not move the mean",
+         [_kalman(m + q, v, q, z, r) for m, v, q, z, r in given]),
     ]  # fmt: skip
     if callable(answer):
         try:
-            answer(*given[1])
+            if (result := answer(*given[1])) is not None and any(part is None for part in result):
+                return not_yet("a missed frame has a mean, too: what was known before is still the best guess")
         except TypeError:
             return not_yet("a missed frame comes as None; look for `measured is None` before computing with it")
         except Exception:  # judged below, with the call that raised
@@ -133,7 +182,7 @@ def _words(result, expected) -> Verdict:
         return verdict
     if isinstance(result, str) or not hasattr(result, "__iter__"):
         return not_yet(f"a list of words is needed, found {type(result).__name__}")
-    words = [str(word) for word in result]
+    words = [str(word).strip().lower() for word in result]
     if len(words) != len(expected):
         return not_yet(f"one word a frame is needed, {len(expected)}, found {len(words)}")
     if strange := sorted(set(words) - set(WORDS)):
@@ -166,4 +215,17 @@ def check_statuses(answer):
         second = ["measured" if s else "held" for s in cases[1][0][0][:3]]
         if function(answer, [((cases[1][0][0][:3], 2), second)], _words):
             return not_yet("before the first lane there is nothing to hold: that is 'none'")
+        for hint, results in (
+            ("one frame too long: the frame after `hold` missed ones is 'none' already",
+             [_statuses(seen, hold + 1) for (seen, hold), _ in cases]),
+            ("one frame too short: `hold` frames in a row are held, the next one is 'none'",
+             [_statuses(seen, max(hold - 1, 0)) for (seen, hold), _ in cases]),
+            ("no frame is held; the first `hold` missed frames after a lane are",
+             [_statuses(seen, 0) for (seen, _), _ in cases]),
+            ("the count of missed frames begins anew with each lane that is seen",
+             [["measured" if s else "held" if any(seen[:i]) and seen[: i + 1].count(False) <= hold else "none"
+               for i, s in enumerate(seen)] for (seen, hold), _ in cases]),
+        ):  # fmt: skip
+            if function(answer, [(given, result) for (given, _), result in zip(cases, results, strict=True)], _words):
+                return not_yet(hint)
     return verdict

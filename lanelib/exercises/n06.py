@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lanelib.exercises.judges import function, never_raises, not_yet, number, right
+from lanelib.exercises.judges import first_failed, function, never_raises, not_yet, number, right
 
 
 @never_raises
@@ -20,10 +20,13 @@ def check_tusimple(answer):
         "the last point was not seen (-2) and yet counts: |-2 - 10| is small; leave out what is below 0": 5 / 6,
         "the limit is 20 px divided by cos(angle), wider for a slanted line": 1 / 6,
         "this divides by the points that were seen; a line that is not seen at all would then be perfect": 1.0,
+        "two things to look at: the limit is 20 px divided by cos(angle), and -2 is not found": 2 / 6,
+        "this is how many were found; divide by the number of labelled points": 4.0,
     }  # fmt: skip
+    upright_mistakes = {"a point too far to the left passes: take the absolute value of the difference": 4 / 6}
 
     def judge(value, expected):
-        hints = mistakes if abs(expected - 4 / 6) < 1e-9 else {}
+        hints = mistakes if abs(expected - 4 / 6) < 1e-9 else upright_mistakes if expected == 0.5 else {}
         return number(value, expected, tolerance=1e-6, mistakes=hints)
 
     return function(answer, cases, judge)
@@ -47,12 +50,28 @@ def check_jitter(answer):
         "the root is missing": expected**2,
         "this is the standard deviation of the error; a slow drift would count as jitter": float(np.std(error)),
         "the changes cancel: square them before you take the mean": float(np.mean(np.diff(error))),
+        "the squares are added up; take their mean": float(np.sqrt(np.sum(np.diff(error) ** 2))),
+        "this is the largest change; take the root of the mean of their squares": float(np.abs(np.diff(error)).max()),
+        "differences were taken twice; the change from frame to frame is one":
+            float(np.sqrt(np.mean(np.diff(error, 2) ** 2))),
+        "the difference of two RMS: subtract the truth frame by frame, before anything is squared":
+            float(np.sqrt(np.mean(np.diff(found) ** 2)) - np.sqrt(np.mean(np.diff(true) ** 2))),
     }  # fmt: skip
+    swaying = error - 0.3  # of either sign
+    swaying_rms = float(np.sqrt(np.mean(np.diff(np.abs(swaying)) ** 2)))
+    swaying_mistakes = {"the error has a sign: from -2 cm to +2 cm is a change of 4 cm; leave `abs` out": swaying_rms}
 
     def judge(value, wanted):
-        return number(value, wanted, unit="m", rel=0.02, mistakes=mistakes)  # N - 1 or N changes: both are fine
+        # N - 1 or N changes: both are fine
+        return number(value, wanted, unit="m", rel=0.02, mistakes=mistakes)
 
-    return function(answer, [((found, true), expected)], judge)
+    def judge_swaying(value, wanted):
+        return number(value, wanted, unit="m", rel=0.02, mistakes=swaying_mistakes)
+
+    return first_failed(
+        function(answer, [((found, true), expected)], judge),
+        lambda: function(answer, [((true + swaying, true), expected)], judge_swaying),
+    )
 
 
 @never_raises
@@ -69,7 +88,9 @@ def check_pitch_error(answer):
 
         def judge(value, wanted):
             first = number(value, wanted, unit="m", tolerance=1e-9)
-            return first if first else number(abs(float(value)), wanted, unit="m", rel=0.2, tolerance=1e-9)
+            if first or np.size(value) != 1 or np.asarray(value).dtype.kind not in "iuf":
+                return first
+            return number(abs(float(np.ravel(value)[0])), wanted, unit="m", rel=0.2, tolerance=1e-9)
 
         verdict = function(answer, [(given, expected)], judge)
         if not verdict:
@@ -80,14 +101,22 @@ def check_pitch_error(answer):
 def _pitch_slip(answer):
     """Typical mistakes by their value; None where there is none."""
     try:
-        value = abs(float(answer(1.85, 30.0, 0.3, 1.25)))
+        value = abs(float(np.asarray(answer(1.85, 30.0, 0.3, 1.25)).item()))
     except Exception:
         return None  # judged below, where every kind of wrong answer has its hint
     delta = math.radians(0.3)
     slips = {
         "this is by how much the point moves ahead, y² δ / h; sideways it moves by x / y of that": 30**2 * delta / 1.25,
         "this is y δ, the error of a wrong yaw; a wrong pitch moves the point along its own ray": 30 * delta,
+        "this is x δ; how far does the point move along its ray, and how much of that is sideways?": 1.85 * delta,
         "the height belongs below the line: a higher camera makes a smaller error": 1.85 * 30 * delta * 1.25,
+        "the height is missing: a higher camera makes a smaller error": 1.85 * 30 * delta,
+        "the ray leads to (x, y): sideways it goes x / y of the way ahead, not y / x": 30**3 * delta / 1.25 / 1.85,
+        "this is where the line seems to be; by how much it moves is asked": 1.85 + 1.85 * 30 * delta / 1.25,
+        "ahead, not sideways, and in degrees where radians are wanted": 30**2 * 0.3 / 1.25,
+        "this is where the point seems to be ahead; how far does it move, and how much of that is sideways?":
+            30 + 30**2 * delta / 1.25,
+        "x is in it twice; the distance makes the error grow": 1.85**2 * delta / 1.25,
         "sin, cos and π know radians, the pitch is given in degrees": 1.85 * 30 * 0.3 / 1.25,
-    }
+    }  # fmt: skip
     return next((not_yet(hint) for hint, slip in slips.items() if abs(value / slip - 1) < 0.02), None)
