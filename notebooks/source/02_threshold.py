@@ -311,16 +311,17 @@ n02.masks(seams, {recipe.title: recipe.function(seams) for recipe in RECIPES.val
 # %% [markdown]
 # ## Local normalisation
 #
-# Our recipe writes the four properties of paint down as one number. At each pixel take three boxes as wide as paint is
-# in that row: $c$ on the pixel, $l$ and $r$ at its sides. Then
+# Our recipe writes the first three properties of paint down as one number. At each pixel take three boxes as wide as
+# paint is in that row: $c$ on the pixel, $l$ and $r$ at its sides. Then
 #
 # $$\text{ridge} = \frac{c - \max(l, r)}{\max\left(2\,\overline{t},\ 0.08\,\overline{b}\right)}, \qquad
 # t = \left|c - \tfrac{l + r}{2}\right|$$
 #
-# Above the line: **brighter than both sides**. A step gives 0, because one side is as bright as the centre; a dark
-# crack gives less than 0. Below the line, averages over 16 widths around: $\overline b$ the brightness of the road, so
-# that half the light changes numerator and denominator alike; $\overline t$ its texture, so that among leaves and
-# gravel, where everything is a small ridge, only a large one counts. Paint is where the ridge is 1 or more.
+# The numerator: **brighter than both sides**. A step gives 0, because one side is as bright as the centre; a dark
+# crack gives less than 0. In the denominator, averages over 16 widths around: $\overline b$ the brightness of the road,
+# so that half the light changes numerator and denominator alike; $\overline t$ its texture, so that among leaves and
+# gravel, where everything is a small ridge, only a large one counts. Paint is where the ridge is 1 or more, and, for the
+# fourth property, where such pixels hang together over a tenth of their distance at least.
 #
 # - **0.08**: worn paint on concrete differs by 10 %, seams and patches by up to 5 %; the limit is between.
 # - **2**: a stripe must be twice what is usual around it.
@@ -402,7 +403,7 @@ figures.curves(lights, recall, xlabel="light, times the original", ylabel="mean 
                title="when the light fades")
 
 # %% [markdown]
-# Dividing by the local brightness pays off: half the light is half above and half below the line, and nothing changes.
+# Dividing by the local brightness pays off: half the light halves numerator and denominator, and nothing changes.
 # The colour thresholds of the classic recipes give up at the first cloud; what remains of them is their gradients,
 # which are scaled by the frame's largest one.
 

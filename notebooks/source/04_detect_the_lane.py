@@ -611,7 +611,7 @@ exercises.check_fit_shared(fit_shared)
 # as one more number; the frame "nose 1.5° down" is no failure any more. (A seventh, `hill`, is the road's own bend up or
 # down.)
 #
-# **4. Errors where they arise.** A crest of paint is located to a pixel of the *frame*, near or far; 30 m ahead that is
+# **4. Errors where they arise.** The middle of a stripe is located to a pixel of the *frame*, near or far; 30 m ahead that is
 # many times as many centimetres as at 5 m. So residuals are bearings $x/y$, in pixels, robustly weighted as before.
 #
 # Seven numbers, nonlinear: Gauss-Newton solves the linear problem around the present guess, again and again. What the

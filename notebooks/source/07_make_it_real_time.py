@@ -195,8 +195,8 @@ cost = n07.milliseconds({f"{100 * c:.2f} cm": (lambda v=v: ablation.lane_in_view
 figures.bars(cost, unit="CPU time of a fresh search, ms", highlight="5.00 cm")
 
 # %% [markdown]
-# From 5 cm columns on, more pixels gain millimetres at most: the points of a crest are located to a fraction of a pixel by the
-# parabola through three of them, and dozens of points share in each line. With 10 cm columns a line is one pixel wide,
+# From 5 cm columns on, more pixels gain millimetres at most: the middle of a stripe is located to a fraction of a column by
+# the parabola through three of them, and dozens of rows share in each line. With 10 cm columns a line is one pixel wide,
 # the ridge filter has nothing to stand on, and the error grows. So it is 5 cm: finer ones cost
 # up to four times as much for millimetres, coarser ones double the error and soon lose centimetres.
 #

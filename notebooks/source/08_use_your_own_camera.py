@@ -353,8 +353,8 @@ for name, picture in (("as filmed", frame), ("zoomed", n08.zoomed(frame, 0.8))):
 notebook.say(evaluate.table(rows))
 
 # %% [markdown]
-# The width hardly moves. A point of the road lies at $x = h\,(u - u_0)/(v - v_0)$, and a zoom enlarges both differences
-# alike. But $y = h\,f/(v - v_0)$: all lengths *along* the road shrink to 80 %, and with them curvature and look-ahead go
+# The width hardly moves. A point of the road lies at $x = h\,(u - u_h)/(v - v_h)$, with the vanishing point $(u_h, v_h)$
+# of notebook 03, and a zoom enlarges both differences alike. But $y = h\,f/(v - v_h)$: all lengths *along* the road shrink to 80 %, and with them curvature and look-ahead go
 # wrong. The dashes give it away; so does a "nod", because the horizon is not in the middle of the frame and moves, too.
 # A stabiliser does the same, differently in every frame: switch it off.
 #
