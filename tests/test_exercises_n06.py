@@ -82,7 +82,7 @@ def test_pitch_error():
         (lambda x, y, d, h: x * y * d / h, "radians"),
         (lambda x, y, d, h: y**2 * np.radians(d) / h, "moves ahead"),
         (lambda x, y, d, h: y * np.radians(d), "yaw"),
-        (lambda x, y, d, h: x * y * np.radians(d) * h, "below the line"),
+        (lambda x, y, d, h: x * y * np.radians(d) * h, "the height divides"),
         (lambda x, y, d, h: 100 * x * y * np.radians(d) / h, "100 times too large"),
         (lambda x, y, d, h: 0.0, "too small"),
         (lambda x, y, d, h: x / d, "0.0"),

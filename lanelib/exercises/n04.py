@@ -102,7 +102,7 @@ def check_curvature_of_lane(answer):
             "the exponent of (1 + B²) is 3/2; this has 1/2": -sum(a / (1 + b * b) ** 0.5 for a, b, _ in (left, right)),
             "the exponent of (1 + B²) is 3/2; this has 1": -sum(a / (1 + b * b) for a, b, _ in (left, right)),
             "the exponent of (1 + B²) is 3/2; this has 3": -sum(a / (1 + b * b) ** 3 for a, b, _ in (left, right)),
-            "the slope is below the line: divide by (1 + B²)^(3/2)":
+            "(1 + B²)^(3/2) divides, this multiplies by it":
                 -sum(a * (1 + b * b) ** 1.5 for a, b, _ in (left, right)),
             "B is squared under the exponent": -sum(a / (1 + b) ** 1.5 for a, b, _ in (left, right)),
         }  # fmt: skip

@@ -109,7 +109,7 @@ def _pitch_slip(answer):
         "this is by how much the point moves ahead, y² δ / h; sideways it moves by x / y of that": 30**2 * delta / 1.25,
         "this is y δ, the error of a wrong yaw; a wrong pitch moves the point along its own ray": 30 * delta,
         "this is x δ; how far does the point move along its ray, and how much of that is sideways?": 1.85 * delta,
-        "the height belongs below the line: a higher camera makes a smaller error": 1.85 * 30 * delta * 1.25,
+        "the height divides: a higher camera makes a smaller error": 1.85 * 30 * delta * 1.25,
         "the height is missing: a higher camera makes a smaller error": 1.85 * 30 * delta,
         "the ray leads to (x, y): sideways it goes x / y of the way ahead, not y / x": 30**3 * delta / 1.25 / 1.85,
         "this is where the line seems to be; by how much it moves is asked": 1.85 + 1.85 * 30 * delta / 1.25,

@@ -146,8 +146,9 @@ def array(
     expected = np.asarray(expected)
     if values.shape == expected.shape and np.isclose(values, expected, rtol=rel, atol=tolerance).mean() >= share:
         return right()
-    for hint, wrong in (mistakes or {}).items():
-        if values.shape == np.shape(wrong) and np.allclose(values, wrong, rtol=min(rel, 0.01), atol=tolerance / 10):
+    for hint, mistake in (mistakes or {}).items():
+        wrong = np.asarray(mistake)
+        if values.shape == wrong.shape and np.allclose(values, wrong, rtol=min(rel, 0.01), atol=tolerance / 10):
             return not_yet(hint)
     if values.shape != expected.shape:
         return not_yet(shape_hint(values.shape, expected.shape))
