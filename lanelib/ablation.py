@@ -79,12 +79,8 @@ CLASSIC = "sobel-or-colour"  # of the three classic recipes the one that loses f
 VARIANTS = (
     Variant("textbook", "a threshold recipe, sliding windows, two lines apart", {"recipe": CLASSIC}),
     Variant("paint, two lines", "ridges in place of bright pixels, the rest as before", {"model": "windows"}),
-    Variant(
-        "textbook's mask, joint lane",
-        "one lane in place of two lines, the mask as in the first",
-        {"recipe": CLASSIC, "model": "joint"},
-        flat=True,
-    ),
+    Variant("textbook's mask, joint lane", "one lane in place of two lines, the mask as in the first",
+            {"recipe": CLASSIC, "model": "joint"}, flat=True),
     Variant("paint, joint lane", "both, and a weight for every point in place of yes or no", flat=True),
     Variant("with pitch and hill", "the car nods, the road is not flat: estimated, too"),
 )

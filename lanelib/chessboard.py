@@ -15,9 +15,7 @@ from lanelib.errors import LanelibError
 SEED_SIDE = 4  # corners; a part below 4x4 is not looked for: a dozen corners hardly constrain a pose and a lens
 SMALL_LONG_SIDE = 640  # px; at half of 1280x720 the search takes a quarter of the time and finds 17 of 20 whole boards
 UNEVEN = 0.3  # of the black-white step, deviation within a square: a skipped row makes 0.5, glare on printed ink 0.15
-FAINT = (
-    0.25  # of the black-white step, beside a corner: glare leaves half, a blur of 0.3 squares 0.25, a wrong grid none
-)
+FAINT = 0.25  # of that step, beside a corner: glare leaves half of it, a blur of 0.3 squares 0.25, a wrong grid none
 EDGE_PX = 12  # the detector's corners are 0.5-0.7 px off within 9 px of the picture's edge, 0.1 px from there on
 SAME_CORNER = 0.25  # of a square: corners found twice must agree better than this
 
@@ -207,9 +205,8 @@ def _step(colours: np.ndarray) -> float:
     squares = colours[:, :, 1, 1]
     rows, columns = np.indices(squares.shape)
     signed = np.where((rows + columns) % 2, squares, -squares)
-    return float(
-        np.median(np.concatenate([(signed[:, 1:] + signed[:, :-1]).ravel(), (signed[1:] + signed[:-1]).ravel()]))
-    )
+    along, down = signed[:, 1:] + signed[:, :-1], signed[1:] + signed[:-1]
+    return float(np.median(np.concatenate([along.ravel(), down.ravel()])))
 
 
 def _crossings(grey: np.ndarray, grid: np.ndarray, step: float) -> np.ndarray:

@@ -63,18 +63,15 @@ class DashPeriod:
         return f"{measured}: nearest norm {length} ({name}), longitudinal scale off by {100 * off:+.1f} %"
 
 
-def line_profile(
-    finder: LaneFinder, frame_bgr: np.ndarray, fit: JointFit, side: int
-) -> tuple[np.ndarray, np.ndarray]:
+def line_profile(finder: LaneFinder, frame_bgr: np.ndarray, fit: JointFit, side: int) -> tuple[np.ndarray, np.ndarray]:
     """Paint weight 0..1 along the left (``side`` -1) or right (+1) line of ``fit``: distances (N,) in m, descending;
     weights (N,)."""
     view, mean = finder.view((frame_bgr.shape[1], frame_bgr.shape[0])), fit.mean
     z = paint_evidence(view.scan(frame_bgr), column_m=SCAN_COLUMN_M)
     y = distance(1 / view.grid.y_m, mean, view.height_m)
     column = view.grid.column_of(line_x(y, mean, side) / y * view.grid.y_m)
-    rows = np.flatnonzero(
-        (y > DASH_RANGE_M[0]) & (y < DASH_RANGE_M[1]) & (column > 4) & (column < len(view.grid.x_m) - 5)
-    )
+    inside = (column > 4) & (column < len(view.grid.x_m) - 5)
+    rows = np.flatnonzero((y > DASH_RANGE_M[0]) & (y < DASH_RANGE_M[1]) & inside)
     around = z[rows[:, None], np.round(column[rows]).astype(int)[:, None] + np.arange(-3, 4)]  # 15 cm either side
     return y[rows], weight_of(around.max(axis=1))
 

@@ -39,6 +39,11 @@ __all__ = [
     "table",
 ]
 
+PIXEL_HEAD = ["frames", "n", "TuSimple", "strict", "lanes", "seen", "mean px", "p95 px"]
+METRIC_HEAD = ["found", "false", *(f"cm at {d:.0f} m" for d in DISTANCES_M), "offset cm", "width cm", "heading mrad",
+               "bend %", "straight 1/km"]
+CLIP_HEAD = ["clip", "frames", "jitter cm", "lag s", "reset s", "wrong for s"]
+
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
@@ -71,26 +76,12 @@ class Evaluation:
 
     def __str__(self) -> str:
         """A table by tag, and one by clip where there are clips."""
-        rows = [_pixel_head() + (_metric_head() if self.metric else [])]
+        rows = [PIXEL_HEAD + METRIC_HEAD * self.metric]
         for tag, frames in self.by_tag().items():
             rows.append(_pixel_row(tag, pixel_score(frames), frames) + (_metric_row(frames) if self.metric else []))
         text = table(rows)
         if clips := self.clips():
-            head = ["clip", "frames", "jitter cm", "lag s", "reset s", "wrong for s"]
-            text += "\n\n" + table(
-                [head]
-                + [
-                    [
-                        c.clip,
-                        str(c.frames),
-                        _cm(c.jitter_m),
-                        _fixed(c.lag_s, 2),
-                        _fixed(c.reset_s, 2),
-                        _fixed(c.wrong_s, 2),
-                    ]
-                    for c in clips
-                ]
-            )
+            text += "\n\n" + table([CLIP_HEAD, *map(_clip_row, clips)])
         return text
 
 
@@ -141,40 +132,20 @@ def table(rows: list[list[str]], *, left: tuple[int, ...] = (0,)) -> str:
     return "\n".join([lines[0], f"|{rule}|", *lines[1:]])
 
 
-def _pixel_head() -> list[str]:
-    return ["frames", "n", "TuSimple", "strict", "lanes", "seen", "mean px", "p95 px"]
-
-
 def _pixel_row(tag: str, s: PixelScore, frames) -> list[str]:
     shares = [_fixed(v, 3) for v in (s.tusimple, s.strict, s.lanes, s.seen)]
     return [tag, str(len(frames)), *shares, _fixed(s.mean_px, 2), _fixed(s.p95_px, 1)]
 
 
-def _metric_head() -> list[str]:
-    return [
-        "found",
-        "false",
-        *(f"cm at {d:.0f} m" for d in DISTANCES_M),
-        "offset cm",
-        "width cm",
-        "heading mrad",
-        "bend %",
-        "straight 1/km",
-    ]
-
-
 def _metric_row(frames) -> list[str]:
     s = metric_score(frames)
-    return [
-        _fixed(s.found, 3),
-        f"{s.false_lanes}/{s.empty}",
-        *(_cm(v) for v in s.lateral_m),
-        _cm(s.offset_m),
-        _cm(s.width_m),
-        _fixed(s.heading_rad * 1e3, 1),
-        _fixed(s.curvature * 100, 1),
-        _fixed(s.curvature_1pm * 1e3, 2),
-    ]
+    metres = [_cm(v) for v in (*s.lateral_m, s.offset_m, s.width_m)]
+    bends = [_fixed(s.heading_rad * 1e3, 1), _fixed(s.curvature * 100, 1), _fixed(s.curvature_1pm * 1e3, 2)]
+    return [_fixed(s.found, 3), f"{s.false_lanes}/{s.empty}", *metres, *bends]
+
+
+def _clip_row(s: ClipScore) -> list[str]:
+    return [s.clip, str(s.frames), _cm(s.jitter_m), *(_fixed(v, 2) for v in (s.lag_s, s.reset_s, s.wrong_s))]
 
 
 def _fixed(value: float, digits: int) -> str:

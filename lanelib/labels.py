@@ -47,9 +47,8 @@ def read_rows(path: str | Path) -> dict[str, dict]:
             what = f"{error.args[0]!r} is missing" if isinstance(error, KeyError) else error
             raise LanelibError(f"{path}:{number}: needed an object with raw_file, h_samples, lanes: {what}") from None
         if rows.setdefault(row["raw_file"], row) is not row:
-            raise LanelibError(
-                f"{path}:{number}: needed one line for each frame, found {row['raw_file']!r} again; leave one out"
-            )
+            again = f"needed one line for each frame, found {row['raw_file']!r} again; leave one out"
+            raise LanelibError(f"{path}:{number}: {again}")
     if not rows:
         raise LanelibError(f"{path}: needed at least one line of JSON, found an empty file; check the name")
     return rows
@@ -72,11 +71,8 @@ def read_labels(path: str | Path) -> tuple[dict[str, dict], Camera | None]:
 def _check_row(row: dict) -> None:
     if not isinstance(row, dict):
         raise ValueError("found no object")
-    if (
-        not isinstance(row["raw_file"], str)
-        or not isinstance(row["h_samples"], list)
-        or not isinstance(row["lanes"], list)
-    ):
+    kinds = {"raw_file": str, "h_samples": list, "lanes": list}
+    if not all(isinstance(row[key], kind) for key, kind in kinds.items()):
         raise ValueError("found raw_file that is no text, or h_samples or lanes that are no lists")
     length = len(_finite(row["h_samples"]))
     extra = row.get("extrap", [])
@@ -119,6 +115,6 @@ def line_points(row: Mapping, lane: int) -> tuple[np.ndarray, np.ndarray]:
 def x_at(row: Mapping, lane: int, rows_px) -> np.ndarray:
     """x of a line at rows, between its points only; NaN elsewhere."""
     y, x = line_points(row, lane)
-    return (
-        np.interp(rows_px, y, x, left=math.nan, right=math.nan) if len(y) >= 2 else np.full(np.shape(rows_px), math.nan)
-    )
+    if len(y) < 2:
+        return np.full(np.shape(rows_px), math.nan)
+    return np.interp(rows_px, y, x, left=math.nan, right=math.nan)

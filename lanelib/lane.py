@@ -101,9 +101,8 @@ class Line:
 
     def __repr__(self):
         radius = self.radius_m()
-        bend = (
-            "straight" if math.isinf(radius) else f"R {radius:.0f} m {'left' if self.curvature_1pm() > 0 else 'right'}"
-        )
+        side = "left" if self.curvature_1pm() > 0 else "right"
+        bend = "straight" if math.isinf(radius) else f"R {radius:.0f} m {side}"
         return f"Line(x(0) = {self.x(0):+.2f} m, {bend}, seen {self.y_range_m[0]:.0f}-{self.y_range_m[1]:.0f} m)"
 
 
@@ -142,9 +141,8 @@ def fit_line(x_m, y_m, weights=None, *, order: int = 2, robust: bool = True) -> 
     good = np.isfinite(x) & np.isfinite(y) & np.isfinite(w) & (w > 0)
     x, y, w = x[good], y[good], w[good]
     if len(np.unique(y)) <= order:
-        return NoLine(
-            f"a polynomial of order {order} needs points at more than {order} distances, found {len(np.unique(y))}"
-        )
+        found = len(np.unique(y))
+        return NoLine(f"a polynomial of order {order} needs points at more than {order} distances, found {found}")
     length = max(float(np.abs(y).max()), 1e-9)
     design = np.vander(y / length, order + 1)  # scaled to 1: conditions the normal equations
 
@@ -261,20 +259,14 @@ class Lane:
     @property
     def y_range_m(self) -> tuple[float, float]:
         """Nearest and farthest distance at which any of the two lines was seen."""
-        return (
-            min(self.left.y_range_m[0], self.right.y_range_m[0]),
-            max(self.left.y_range_m[1], self.right.y_range_m[1]),
-        )
+        (left_near, left_far), (right_near, right_far) = self.left.y_range_m, self.right.y_range_m
+        return min(left_near, right_near), max(left_far, right_far)
 
     def __repr__(self):
         radius = self.radius_m
-        side = "right" if self.offset_m > 0 else "left"
-        bend = (
-            "straight"
-            if math.isinf(radius)
-            else f"R {radius:.0f} m to the {'left' if self.curvature_1pm > 0 else 'right'}"
-        )
-        return f"Lane({float(self.width_m()):.2f} m wide, {bend}, car {abs(self.offset_m):.2f} m {side} of centre)"
+        bends_to, car = "left" if self.curvature_1pm > 0 else "right", "right" if self.offset_m > 0 else "left"
+        bend = "straight" if math.isinf(radius) else f"R {radius:.0f} m to the {bends_to}"
+        return f"Lane({float(self.width_m()):.2f} m wide, {bend}, car {abs(self.offset_m):.2f} m {car} of centre)"
 
 
 # ---------------------------------------------------------------------------------------------- sanity checks
@@ -333,11 +325,9 @@ def check_lane(lane: Lane, previous: Lane | None = None, *, limits: Limits = Lim
     widths = [lane.width_m(y) for y in places]
     width, change = widths[0], max(widths) - min(widths)
     # parallel curves: the inner line of a bend is the sharper one, R -+ width / 2, so both are compared at the centre
-    at_centre = [
-        line.curvature_1pm() / max(1 - side * line.curvature_1pm() * width / 2, 0.2)
-        for line, side in ((lane.left, -1), (lane.right, 1))
-    ]
-    bends = abs(at_centre[0] - at_centre[1])
+    own = (lane.left.curvature_1pm(), -1), (lane.right.curvature_1pm(), 1)
+    left, right = (curvature / max(1 - side * curvature * width / 2, 0.2) for curvature, side in own)
+    bends = abs(left - right)
     size, radius = check_size(width, lane.curvature_1pm, limits=limits)
     most_change, most_bends, most_jump = limits.width_change_m, limits.curvature_difference_1pm, limits.jump_m
     order = "its right line lies {:.4g} m to the right of its left one"
@@ -350,10 +340,8 @@ def check_lane(lane: Lane, previous: Lane | None = None, *, limits: Limits = Lim
         radius,
     ]
     if previous is not None:
-        jump = max(
-            abs(float(a.x(JUMP_AT_M) - b.x(JUMP_AT_M)))
-            for a, b in ((lane.left, previous.left), (lane.right, previous.right))
-        )
+        pairs = ((lane.left, previous.left), (lane.right, previous.right))
+        jump = max(abs(float(now.x(JUMP_AT_M) - before.x(JUMP_AT_M))) for now, before in pairs)
         words = f"{JUMP_AT_M:g} m ahead one of its lines moved by {{:.4g}} m since the last frame"
         checks.append(Check("no jump", jump, f"at most {most_jump} m", jump <= most_jump, words))
     return tuple(checks)

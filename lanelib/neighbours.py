@@ -167,9 +167,8 @@ def next_boundary(paint: Paint, side: int, inner_m: float, width_m: float, contr
     if stripe.step > STEP_SHARE * stripe.contrast:
         return None
     far = float(road.y_m[np.flatnonzero(support > CLEAR)[0]])
-    return Boundary(
-        float(offset), float(covariance[0, 0]), float(tilt), far, float(total), float(chance), stripe.colour
-    )
+    variance = float(covariance[0, 0])
+    return Boundary(float(offset), variance, float(tilt), far, float(total), float(chance), stripe.colour)
 
 
 def rows_of_paint(paint: Paint, out_m: np.ndarray, offsets_m: np.ndarray) -> np.ndarray:

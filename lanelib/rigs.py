@@ -23,9 +23,7 @@ from lanelib.pictures import read_image
 from lanelib.video import probe, read_frames
 
 TRIAL_FRAMES = 8  # a median of eight bears three frames without a lane
-LEAST_CONFIDENCE = (
-    0.3  # one clear line alone gives 0.67 (see jointfit.confidence_of); half of that is no lane but a guess
-)
+LEAST_CONFIDENCE = 0.3  # one clear line alone gives 0.67 (jointfit.confidence_of); half of that is no lane but a guess
 # Standard deviations of a median over frames under the right rig. Pitch (rad): load and speed tilt a car by 0.3
 # degrees. Heading (rad): a car follows its lane, but not in bends. Width (m): as the finder believes.
 STRAIN_STD = {PITCH: 0.005, HEADING: 0.03, WIDTH: math.sqrt(UNKNOWN_ROAD.covariance[WIDTH, WIDTH])}
@@ -85,9 +83,9 @@ def set_of(path: str | Path) -> datasets.DataSet | None:
 def rig_of_set(path: str | Path) -> RigChoice | None:
     """The rig of the data set that the file lies in, or None."""
     found = set_of(path)
-    return (
-        RigChoice(Rig.load(found.rig_file), f"the file is of the set {found.name}") if found and found.has_rig else None
-    )
+    if found is None or not found.has_rig:
+        return None
+    return RigChoice(Rig.load(found.rig_file), f"the file is of the set {found.name}")
 
 
 def fits(rig: Rig, size_wh: Sequence[int]) -> bool:

@@ -45,9 +45,8 @@ class Tally:
 
     def row(self) -> list[str]:
         """Name, frames, measured, held, none, median confidence, median ms to find a lane, seconds since the begin."""
-        medians = [
-            f"{statistics.median(v):.{n}f}" if v else "-" for v, n in ((self.confidences, 2), (self.milliseconds, 1))
-        ]
+        both = ((self.confidences, 2), (self.milliseconds, 1))
+        medians = [f"{statistics.median(values):.{digits}f}" if values else "-" for values, digits in both]
         seconds = time.perf_counter() - self.began_s
         return [self.name, str(self.frames), *(str(self.counts[s]) for s in STATUSES), *medians, f"{seconds:.1f}"]
 

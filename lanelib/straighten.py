@@ -14,16 +14,7 @@ import cv2
 import numpy as np
 
 from lanelib.channels import yuv420_planes
-from lanelib.jointfit import (
-    BEND,
-    CENTRE,
-    HEADING,
-    LOCATION_STD_M,
-    LOCATION_STD_PX,
-    RATE,
-    JointFit,
-    distance,
-)
+from lanelib.jointfit import BEND, CENTRE, HEADING, LOCATION_STD_M, LOCATION_STD_PX, RATE, JointFit, distance
 from lanelib.paint import brightness_of_luma, evidence_of, paint_channels, paint_points, yellow_of_uv
 from lanelib.rig import View
 

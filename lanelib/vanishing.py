@@ -27,10 +27,8 @@ HORIZON_ROWS = (0.10, 0.65)  # of the height, from a camera that looks steeply d
 VANISHING_COLUMNS = (0.15, 0.85)  # of the width: a yaw of 20 degrees
 VOTE_STEP = 0.0125  # of height and width: half the slope bin for a point in the middle of the road
 SLOPE_BIN, SLOPE_REACH = 0.06, 4.5  # 7 cm of road for a camera at 1.2 m; lines leave most pictures at 4
-USUAL_HEIGHT_M, HEIGHT_SPREAD = (
-    1.4,
-    0.35,
-)  # cars 1.1-1.7 m, lorries to 2.8 m: log-normal, so that half the lane or two lanes lose
+# cars 1.1-1.7 m, lorries to 2.8 m: log-normal, so that half the lane or two lanes lose
+USUAL_HEIGHT_M, HEIGHT_SPREAD = 1.4, 0.35
 HEIGHTS_M = (0.8, 3.2)
 MEETING_POINTS, USUAL_HEIGHTS_M = 3, (1.15, 1.45, 1.8)  # a quarter apart: what a fit's own width makes up for
 
@@ -51,9 +49,8 @@ def picture_points(undistorted_bgr: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     weight = weight_of(z[row, column + 1])
     best = np.argsort(-weight, kind="stable")[:VOTE_POINTS]
     best = best[weight[best] > 0]
-    return np.column_stack(
-        [(column[best] + 1.5) * w / small.shape[1] - 0.5, (row[best] + 0.5) * h / small.shape[0] - 0.5]
-    ), weight[best]
+    u, v = (column[best] + 1.5) * w / small.shape[1] - 0.5, (row[best] + 0.5) * h / small.shape[0] - 0.5
+    return np.column_stack([u, v]), weight[best]
 
 
 def vote_grid(size_wh) -> tuple[np.ndarray, np.ndarray]:
@@ -72,11 +69,8 @@ def slope_peaks(points_px, weights, columns, row, height_px) -> np.ndarray:
     index = bins.astype(np.int32)
     inside = (bins >= 0) & (index < n)
     index += np.arange(len(columns), dtype=np.int32)[:, None] * n
-    table = (
-        np.bincount(index[inside], np.broadcast_to(weight, index.shape)[inside], len(columns) * n)
-        .reshape(-1, n)
-        .astype(np.float32)
-    )
+    table = np.bincount(index[inside], np.broadcast_to(weight, index.shape)[inside], len(columns) * n)
+    table = table.reshape(-1, n).astype(np.float32)
     sharp = cv2.sepFilter2D(table, -1, np.array([0.5, 1, 0.5]), np.ones(1), borderType=cv2.BORDER_CONSTANT)
     around = cv2.blur(table, (25, 1), borderType=cv2.BORDER_CONSTANT)  # 1.5 slopes: about a lane's half
     return np.maximum(sharp - 4 * around, 0)  # twice what an even spread would give

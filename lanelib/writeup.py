@@ -102,8 +102,9 @@ def _steps(folder: Path, rows: Sequence[dict]) -> str:
 
 def _pictures(rows: Sequence[dict]) -> str:
     head = ["picture", "status", "confidence", "radius of curvature", "offset"]
-    body = [[f"[{r['stem']}]({r['stem']}.jpg)", r["status"], f"{r['confidence']:.2f}",
-             _radius(r), _offset(r)] for r in rows]  # fmt: skip
+    body = [
+        [f"[{r['stem']}]({r['stem']}.jpg)", r["status"], f"{r['confidence']:.2f}", _radius(r), _offset(r)] for r in rows
+    ]
     return "## All pictures, each on its own\n\n" + table([head, *body], left=(0, 1, 3, 4))
 
 

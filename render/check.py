@@ -37,15 +37,7 @@ def check(names=()):
                 mean = float(np.abs(new.astype(float).mean((0, 1)) - old.mean((0, 1))).max())
                 soft = [cv2.GaussianBlur(p.astype(np.float32), (0, 0), 4) for p in (new, old)]
                 local = float(np.percentile(np.abs(soft[0] - soft[1]), 99))
-                truths = [
-                    {
-                        e["raw_file"]: e
-                        for k in ("boards", "frames")
-                        for e in json.loads((f / "truth.json").read_text()).get(k, [])
-                    }
-                    for f in (folder / kind, shipped)
-                ]
-                same = _without_visible(truths[0][f"{name}.jpg"]) == _without_visible(truths[1][f"{name}.jpg"])
+                same = _truth_of(folder / kind, f"{name}.jpg") == _truth_of(shipped, f"{name}.jpg")
                 ok = mean < MEAN_GREY_LEVELS and local < BLURRED_GREY_LEVELS and same
                 bad += not ok
                 print(
@@ -55,6 +47,9 @@ def check(names=()):
     return int(bad > 0)
 
 
-def _without_visible(entry):
-    """What is hidden is found by rays against the meshes: rounding may turn a row at an edge."""
+def _truth_of(folder: Path, raw_file: str) -> dict:
+    """The picture's entry of truth.json, without `visible`: what is hidden is found by rays against the meshes, and
+    rounding may turn a row at an edge."""
+    truth = json.loads((folder / "truth.json").read_text())
+    entry = next(e for kind in ("boards", "frames") for e in truth.get(kind, []) if e["raw_file"] == raw_file)
     return {k: v for k, v in entry.items() if k != "visible"}

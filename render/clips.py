@@ -49,20 +49,14 @@ class Drive:
 
     def lateral(self, t):
         p, amount = self.phase, self.clip.get("wander_m", 0.16)
-        return self.clip["pose"]["d"] + amount * (
-            np.sin(2 * np.pi * 0.07 * t + p[0])
-            + 0.45 * np.sin(2 * np.pi * 0.17 * t + p[1])
-            + 0.15 * np.sin(2 * np.pi * 0.41 * t + p[2])
-        )
+        slow, quick = np.sin(2 * np.pi * 0.07 * t + p[0]), np.sin(2 * np.pi * 0.17 * t + p[1])
+        return self.clip["pose"]["d"] + amount * (slow + 0.45 * quick + 0.15 * np.sin(2 * np.pi * 0.41 * t + p[2]))
 
     def pose(self, t) -> CarPose:
         h = 0.01
         drift = (self.lateral(t + h) - self.lateral(t - h)) / (2 * h)
-        return CarPose(
-            self.clip.get("s_start", 0.0) + self.speed * t,
-            float(self.lateral(t)),
-            -float(np.arctan2(drift, self.speed)),
-        )
+        s_m = self.clip.get("s_start", 0.0) + self.speed * t
+        return CarPose(s_m, float(self.lateral(t)), -float(np.arctan2(drift, self.speed)))
 
     def mounted(self, t) -> Mounting:
         p, rough = self.phase, self.clip.get("rough", 1.0)
@@ -93,16 +87,11 @@ def render_clips(names=(), *, spp=4, frames=None, every=1, shrink=1, work=None):
         if names and name.rsplit(".", 1)[0] not in names:
             continue
         folder, own_spp = (work or WORK) / name.rsplit(".", 1)[0], clip.get("spp", spp)
-        key = _key(clip, own_spp, shrink)
-        if (
-            folder.exists()
-            and (folder / "key.json").exists()
-            and json.loads((folder / "key.json").read_text())["key"] != key
-        ):
-            raise SystemExit(
-                f"{folder} holds frames of another description of {name}: move or remove it, then run again"
-            )
-        write_json(folder / "key.json", {"key": key, "spp": own_spp, "shrink": shrink})
+        key, key_file = _key(clip, own_spp, shrink), folder / "key.json"
+        if key_file.exists() and json.loads(key_file.read_text())["key"] != key:
+            found = f"holds frames of another description of {name}"
+            raise SystemExit(f"{folder} {found}: move or remove it, then run again")
+        write_json(key_file, {"key": key, "spp": own_spp, "shrink": shrink})
         drive, fps, world, section = Drive(clip), clip["fps"], None, None
         total = min(frame_count(clip), frames or 10**9)
         for i in range(0, total, every):
@@ -131,11 +120,8 @@ def render_clips(names=(), *, spp=4, frames=None, every=1, shrink=1, work=None):
             truth["time_s"] = round(t, 4)
             write_bytes(about, json.dumps(truth).encode())
             write_bytes(picture, cv2.imencode(".png", frame, [cv2.IMWRITE_PNG_COMPRESSION, 3])[1].tobytes())
-            print(
-                f"{name} frame {i + 1} of {total}: {time.process_time() - cpu:.1f} CPU s, "
-                f"{time.time() - started:.1f} s",
-                flush=True,
-            )
+            took = f"{time.process_time() - cpu:.1f} CPU s, {time.time() - started:.1f} s"
+            print(f"{name} frame {i + 1} of {total}: {took}", flush=True)
 
 
 def _key(clip, spp, shrink):
@@ -164,41 +150,16 @@ def encode_clips(names=()):
             continue
         FOLDER.mkdir(parents=True, exist_ok=True)
         part = FOLDER / f"{name}.part.mp4"
-        subprocess.run(
-            [
-                imageio_ffmpeg.get_ffmpeg_exe(),
-                "-y",
-                "-v",
-                "error",
-                "-framerate",
-                str(clip["fps"]),
-                "-i",
-                str(folder / "%06d.png"),
-                "-frames:v",
-                str(n),
-                "-c:v",
-                "libx264",
-                "-preset",
-                "slow",
-                "-crf",
-                str(CRF),
-                "-pix_fmt",
-                "yuv420p",
-                "-threads",
-                "2",
-                "-movflags",
-                "+faststart",
-                str(part),
-            ],
-            check=True,
-        )
+        command = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-v", "error", "-framerate", str(clip["fps"]),
+                   "-i", str(folder / "%06d.png"), "-frames:v", str(n), "-c:v", "libx264", "-preset", "slow",
+                   "-crf", str(CRF), "-pix_fmt", "yuv420p", "-threads", "2", "-movflags", "+faststart", str(part)]
+        subprocess.run(command, check=True)
         part.replace(FOLDER / name)
         truth = json.loads(truth_path.read_text()) if truth_path.exists() else {"format": "lanelib-truth/1"}
         truth["camera"] = true_lens().to_dict()
         kept = [f for f in truth.get("frames", []) if not f["raw_file"].startswith(f"{name}:")]
-        truth["frames"] = sorted(
-            kept + [json.loads((folder / f"{i:06d}.json").read_text()) for i in range(n)], key=lambda f: f["raw_file"]
-        )
+        own = [json.loads((folder / f"{i:06d}.json").read_text()) for i in range(n)]
+        truth["frames"] = sorted(kept + own, key=lambda f: f["raw_file"])
         write_bytes(truth_path, _compact(truth).encode())
         remember(f"test_videos/{name}", key)
         print(f"{name}: {n} of {frame_count(clip)} frames, {(FOLDER / name).stat().st_size / 1e6:.1f} MB", flush=True)
@@ -207,6 +168,5 @@ def encode_clips(names=()):
 def _compact(truth):
     """One frame a line."""
     head = json.dumps({k: v for k, v in truth.items() if k != "frames"})[:-1]
-    return (
-        head + ', "frames": [\n' + ",\n".join(json.dumps(f, separators=(",", ":")) for f in truth["frames"]) + "\n]}\n"
-    )
+    frames = ",\n".join(json.dumps(f, separators=(",", ":")) for f in truth["frames"])
+    return f'{head}, "frames": [\n{frames}\n]}}\n'

@@ -6,41 +6,19 @@ import numpy as np
 
 from .tracer import diffuse, mesh
 
-LEAVES = {
-    "type": "principledthin",
-    "base_color": {"type": "mesh_attribute", "name": "vertex_color"},
-    "roughness": 0.55,
-    "diff_trans": 1.0,
-    "eta": 1.3,
-}  # light shines through: without it leaves are black
-# height, leaf length, number of leaves, colour, trunk share, branch angle, spread of leaves about their twig, droop
+# light shines through (diff_trans): without it leaves are black
+LEAVES = {"type": "principledthin", "base_color": {"type": "mesh_attribute", "name": "vertex_color"},
+          "roughness": 0.55, "diff_trans": 1.0, "eta": 1.3}
+# height, leaf length, number of leaves, colour, branch angle, spread of leaves about their twig, droop, trunk share
 SPECIES = {
-    "oak": dict(
-        h=9.0,
-        leaf=0.085,
-        n=260000,
-        color=(0.130, 0.148, 0.056),
-        angle=(0.42, 0.95),
-        spread=0.027,
-        droop=0.0,
-        trunk=0.17,
-    ),
-    "gum": dict(
-        h=17.0,
-        leaf=0.12,
-        n=330000,
-        color=(0.155, 0.162, 0.084),
-        angle=(0.28, 0.62),
-        spread=0.022,
-        droop=0.5,
-        trunk=0.24,
-    ),
-    "bare": dict(
-        h=10.0, leaf=0.09, n=45000, color=(0.170, 0.145, 0.078), angle=(0.36, 0.80), spread=0.018, droop=0.1, trunk=0.20
-    ),
-    "pine": dict(
-        h=14.0, leaf=0.11, n=190000, color=(0.060, 0.080, 0.040), angle=None, spread=0.03, droop=0.1, trunk=0.1
-    ),
+    "oak": dict(h=9.0, leaf=0.085, n=260000, color=(0.130, 0.148, 0.056), angle=(0.42, 0.95), spread=0.027, droop=0.0,
+                trunk=0.17),
+    "gum": dict(h=17.0, leaf=0.12, n=330000, color=(0.155, 0.162, 0.084), angle=(0.28, 0.62), spread=0.022, droop=0.5,
+                trunk=0.24),
+    "bare": dict(h=10.0, leaf=0.09, n=45000, color=(0.170, 0.145, 0.078), angle=(0.36, 0.80), spread=0.018, droop=0.1,
+                 trunk=0.20),
+    "pine": dict(h=14.0, leaf=0.11, n=190000, color=(0.060, 0.080, 0.040), angle=None, spread=0.03, droop=0.1,
+                 trunk=0.1),
     "bush": dict(h=2.4, leaf=0.06, n=42000, color=(0.105, 0.115, 0.050), angle=None, spread=0.0, droop=0.0, trunk=0.0),
 }
 THINNER = (1.0, 2.4, 5.5, 14.0, 40.0)  # leaves are this many times fewer (and larger) at each level of detail
@@ -158,11 +136,8 @@ def _tubes(segments, sides, thinnest):
 def tuft(variant: int):
     """A tuft of dry grass: blades of one triangle."""
     rng = np.random.default_rng(50 + variant)
-    n, h, color = (
-        60,
-        (0.32, 0.45, 0.22)[variant % 3],
-        ((0.42, 0.345, 0.20), (0.36, 0.305, 0.175), (0.27, 0.255, 0.13))[variant % 3],
-    )
+    n, h = 60, (0.32, 0.45, 0.22)[variant % 3]
+    color = ((0.42, 0.345, 0.20), (0.36, 0.305, 0.175), (0.27, 0.255, 0.13))[variant % 3]
     base = np.c_[rng.normal(0, 0.16, (n, 2)), np.zeros(n)]
     top = base + np.c_[rng.normal(0, 0.12, (n, 2)), rng.uniform(0.4, 1.1, n) * h]
     wide = np.c_[rng.normal(0, 0.008, (n, 2)), np.zeros(n)]
@@ -209,6 +184,5 @@ class Garden:
 
 def _merge(parts):
     start = np.cumsum([0] + [len(p[0]) for p in parts])
-    return np.vstack([p[0] for p in parts]), np.vstack(
-        [p[1] + np.uint32(k) for p, k in zip(parts, start, strict=False)]
-    )
+    faces = [p[1] + np.uint32(k) for p, k in zip(parts, start, strict=False)]
+    return np.vstack([p[0] for p in parts]), np.vstack(faces)

@@ -29,16 +29,8 @@ def _jersey(world, k, b):
     d, dark = b["d"], b.get("tone", 0.30)
     t = dark * (1 + 0.03 * tile(91, 1, 1) + 0.06 * tile(92, 6, 2) + 0.10 * tile(93, 30, 3))
     texture = bitmap(np.clip(t, 0.02, 0.6)[..., None] * np.array([1, 0.97, 0.91]))
-    profile = [
-        (d - 0.35, 0),
-        (d - 0.35, 0.08),
-        (d - 0.18, 0.33),
-        (d - 0.10, 0.81),
-        (d + 0.10, 0.81),
-        (d + 0.18, 0.33),
-        (d + 0.35, 0.08),
-        (d + 0.35, 0),
-    ]
+    profile = [(d - 0.35, 0), (d - 0.35, 0.08), (d - 0.18, 0.33), (d - 0.10, 0.81),
+               (d + 0.10, 0.81), (d + 0.18, 0.33), (d + 0.35, 0.08), (d + 0.35, 0)]
     tall = b.get("height", 0.81) / 0.81
     world.sweep(
         f"jersey{k}",
@@ -59,16 +51,8 @@ def _jersey(world, k, b):
 
 def _guardrail(world, k, b):
     d, side = b["d"], -np.sign(b["d"])
-    wave = [
-        (0.02, 0.45),
-        (-0.03, 0.49),
-        (-0.03, 0.53),
-        (0.03, 0.58),
-        (0.03, 0.62),
-        (-0.03, 0.67),
-        (-0.03, 0.71),
-        (0.02, 0.75),
-    ]
+    wave = [(0.02, 0.45), (-0.03, 0.49), (-0.03, 0.53), (0.03, 0.58),
+            (0.03, 0.62), (-0.03, 0.67), (-0.03, 0.71), (0.02, 0.75)]
     world.sweep(
         f"beam{k}",
         [(d - side * x, z) for x, z in wave],
@@ -132,16 +116,10 @@ def _domes(world):
 
 def _sign(world, k, sign):
     """A board on a post: kind = "diamond" (yellow warning) or "board" (green, white rim)."""
-    base, z, w, h = (
-        world.at(sign["s"], sign["d"]),
-        sign.get("z", 2.2),
-        sign.get("width", 0.9),
-        sign.get("height", 0.9),
-    )
-    z0 = (
-        float(world.height(np.array([sign["s"]]), np.array([sign["d"]]))[0]) if abs(sign["d"]) > world.outer[1] else 0.0
-    )
-    base = base + [0, 0, z0]
+    z, w, h = sign.get("z", 2.2), sign.get("width", 0.9), sign.get("height", 0.9)
+    beside = abs(sign["d"]) > world.outer[1]  # else it stands on the road
+    z0 = float(world.height(np.array([sign["s"]]), np.array([sign["d"]]))[0]) if beside else 0.0
+    base = world.at(sign["s"], sign["d"]) + [0, 0, z0]
     theta = float(world.road.heading(sign["s"]))
     right, up = np.array([np.cos(theta), np.sin(theta), 0]), np.array([0, 0, 1.0])
     color = sign.get("rgb", [0.75, 0.42, 0.02] if sign["kind"] == "diamond" else [0.02, 0.20, 0.08])
@@ -159,24 +137,12 @@ def _sign(world, k, sign):
             x = -0.38 * w
             while x < 0.3 * w:
                 length = rng.uniform(0.05, 0.16) * w
-                q = np.array(
-                    [
-                        [x, row * h - 0.07 * h],
-                        [x + length, row * h - 0.07 * h],
-                        [x + length, row * h + 0.07 * h],
-                        [x, row * h + 0.07 * h],
-                    ]
-                )
-                points = (
-                    base
-                    + [0, 0, z + h / 2]
-                    - 0.03 * np.array([-np.sin(theta), np.cos(theta), 0])
-                    + q[:, :1] * right
-                    + q[:, 1:] * up
-                )
-                world.parts[f"text{k}_{n}"] = mesh(
-                    "text", points, [[0, 1, 2], [0, 2, 3]], glossy((0.6, 0.6, 0.58), 0.5)
-                )
+                low, high = row * h - 0.07 * h, row * h + 0.07 * h
+                q = np.array([[x, low], [x + length, low], [x + length, high], [x, high]])
+                front = -0.03 * np.array([-np.sin(theta), np.cos(theta), 0])
+                points = base + [0, 0, z + h / 2] + front + q[:, :1] * right + q[:, 1:] * up
+                white = glossy((0.6, 0.6, 0.58), 0.5)
+                world.parts[f"text{k}_{n}"] = mesh("text", points, [[0, 1, 2], [0, 2, 3]], white)
                 x, n = x + length * 1.12, n + 1
     for j, x in enumerate((0.0,) if w < 1.5 else (-w / 3, w / 3)):
         p, f = box(-0.05, 0.05, -0.05, 0.05, -0.5, z + 0.1)

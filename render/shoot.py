@@ -58,16 +58,13 @@ def haze(light, depth, air):
     color = np.array(air["rgb"]) if "rgb" in air else None
     if color is None:
         rows = np.flatnonzero(sky.mean(1) > 0.2)
-        band = light[rows[-1] - max(2, len(rows) // 12) : rows[-1] + 1] if len(rows) else light
-        color = (
-            np.median(band[sky[rows[-1] - max(2, len(rows) // 12) : rows[-1] + 1]], 0)
-            if len(rows)
-            else light.mean((0, 1))
-        )
+        color = light.mean((0, 1))
+        if len(rows):
+            band = slice(rows[-1] - max(2, len(rows) // 12), rows[-1] + 1)
+            color = np.median(light[band][sky[band]], 0)
     keep = np.exp(-3.0 * depth / visibility)[..., None]
-    return np.where(sky[..., None], light, light * keep + color * (1 - keep) * air.get("brightness", 0.85)).astype(
-        np.float32
-    )
+    veiled = light * keep + color * (1 - keep) * air.get("brightness", 0.85)
+    return np.where(sky[..., None], light, veiled).astype(np.float32)
 
 
 def shoot(

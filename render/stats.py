@@ -70,15 +70,10 @@ def table(folders):
     columns = {}
     for folder in folders:
         rows = [measure(*e) for e in _entries(folder) if e[0].exists()]
-        columns[f"{folder.parent.name}/{folder.name} ({len(rows)})"] = (
-            {k: np.array([r[k] for r in rows]) for k in rows[0]} if rows else {}
-        )
-    print("| | " + " | ".join(columns) + " |\n|---" * 1 + "|---" * len(columns) + "|")
+        numbers = {k: np.array([r[k] for r in rows]) for k in rows[0]} if rows else {}
+        columns[f"{folder.parent.name}/{folder.name} ({len(rows)})"] = numbers
+    print("| | " + " | ".join(columns) + " |\n|---" + "|---" * len(columns) + "|")
     for k in next(iter(columns.values())):
-        print(
-            f"| {k} | "
-            + " | ".join(
-                f"{np.nanmedian(c[k]):.1f} ({np.nanmin(c[k]):.1f} .. {np.nanmax(c[k]):.1f})" for c in columns.values()
-            )
-            + " |"
-        )
+        of_all = (c[k] for c in columns.values())
+        cells = (f"{np.nanmedian(v):.1f} ({np.nanmin(v):.1f} .. {np.nanmax(v):.1f})" for v in of_all)
+        print(f"| {k} | {' | '.join(cells)} |")

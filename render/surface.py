@@ -87,9 +87,8 @@ def road_albedo(s, d, fd, fs, c):
     tint = (1.0, 0.985, 0.965) if age > 0.3 else (0.97, 0.985, 1.03)
     color = mi.Color3f(*[grey * t for t in tint])
     for p in c.get("patches", []):  # a strip of other asphalt: age of its own
-        inside = _between(s, p["from"], p["to"], fs) * _between(
-            d, p["left"] + 0.01 * blotch, p["right"] + 0.01 * blotch, fd
-        )
+        inside = _between(s, p["from"], p["to"], fs)
+        inside *= _between(d, p["left"] + 0.01 * blotch, p["right"] + 0.01 * blotch, fd)
         other = (0.034 + 0.055 * p["age"]) * (1 + 0.18 * grain + 0.12 * coarse + 0.05 * streak)
         color = _mix(color, mi.Color3f(other * 0.98, other * 0.985, other), inside)
         rim = _stripe(d - p["left"] - 0.01 * blotch, 0.018, fd) + _stripe(d - p["right"] - 0.01 * blotch, 0.018, fd)
@@ -173,9 +172,8 @@ def road_roughness(s, d, fs, c):
     seed = c.get("seed", 0)
     lane = d + LANE_M / 2
     lane = lane - dr.floor(lane / LANE_M) * LANE_M - LANE_M / 2
-    water = 0.7 * _noise((seed + 4, 40.0, 2.5), s, d, 190.0, 14.3) + 0.8 * _noise(
-        (seed + 5, 9.0, 9.0), s, d, 67.0, 41.0
-    )
+    water = 0.7 * _noise((seed + 4, 40.0, 2.5), s, d, 190.0, 14.3)
+    water += 0.8 * _noise((seed + 5, 9.0, 9.0), s, d, 67.0, 41.0)
     water += 0.5 * _noise((seed + 3, 5.0, 5.0), s, d, 17.0, 13.0)
     water += 1.0 * dr.exp(-dr.square((dr.abs(lane) - 0.82) / 0.3))  # it stands in the wheel tracks
     return dr.clip(0.55 - 0.16 * c["wet"] * (0.6 + water), c.get("smoothest", 0.2), 0.7)
@@ -186,13 +184,10 @@ def ground_albedo(p, f, c):
     seed = c.get("seed", 0) + 100
     fine = _noise((seed, 1.2, 1.2), p.x, p.y, 4.3, 4.3) * _fade(f, 0.03)
     tufts = _noise((seed + 1, 5.0, 5.0), p.x, p.y, 19.0, 19.0) * _fade(f, 0.4)
-    field = _noise((seed + 2, 12.0, 12.0), p.x, p.y, 130.0, 130.0) + 0.6 * _noise(
-        (seed + 3, 12.0, 12.0), p.x, p.y, 41.0, 41.0
-    )
-    dry, green = (
-        mi.Color3f(*c.get("dry_rgb", (0.255, 0.200, 0.112))),
-        mi.Color3f(*c.get("green_rgb", (0.085, 0.10, 0.035))),
-    )
+    field = _noise((seed + 2, 12.0, 12.0), p.x, p.y, 130.0, 130.0)
+    field += 0.6 * _noise((seed + 3, 12.0, 12.0), p.x, p.y, 41.0, 41.0)
+    dry = mi.Color3f(*c.get("dry_rgb", (0.255, 0.200, 0.112)))
+    green = mi.Color3f(*c.get("green_rgb", (0.085, 0.10, 0.035)))
     clumps = _noise((seed + 4, 2.0, 2.0), p.x, p.y, 37.0, 37.0) * _fade(f, 0.3)
     share = dr.clip(c.get("green", 0.2) + 0.26 * field + 0.16 * tufts + 0.10 * clumps, 0, 1)
     color = _mix(dry, green, share) * (1 + 0.26 * fine + 0.14 * tufts + 0.24 * clumps + 0.10 * field)

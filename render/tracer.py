@@ -137,22 +137,8 @@ def mesh(name: str, points, faces, bsdf: dict, *, uv=None, colors=None, smooth: 
 def box(x0, x1, y0, y1, z0, z1):
     """(points, faces) of a box."""
     p = np.array([[x, y, z] for x in (x0, x1) for y in (y0, y1) for z in (z0, z1)])
-    f = np.array(
-        [
-            [0, 1, 3],
-            [0, 3, 2],
-            [4, 6, 7],
-            [4, 7, 5],
-            [0, 4, 5],
-            [0, 5, 1],
-            [2, 3, 7],
-            [2, 7, 6],
-            [0, 2, 6],
-            [0, 6, 4],
-            [1, 5, 7],
-            [1, 7, 3],
-        ]
-    )
+    f = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+                  [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]])
     return p, f
 
 
@@ -164,14 +150,8 @@ def by_material(parts):
     out = []
     for bsdf, group in groups.items():
         start = np.cumsum([0] + [len(p) for p, _ in group])
-        out.append(
-            mesh(
-                "m",
-                np.vstack([p for p, _ in group]),
-                np.vstack([f + k for (_, f), k in zip(group, start, strict=False)]),
-                json.loads(bsdf),
-            )
-        )
+        points, faces = [p for p, _ in group], [f + k for (_, f), k in zip(group, start, strict=False)]
+        out.append(mesh("m", np.vstack(points), np.vstack(faces), json.loads(bsdf)))
     return out
 
 

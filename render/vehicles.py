@@ -62,13 +62,8 @@ def car(color=(0.02, 0.02, 0.022), shape="saloon"):
     cabin = (c[:, 0] > (0.95 if shape == "saloon" else 0.06)) & (c[:, 0] < 3.62)
     side = cabin & (above > 0.03) & (above < room - 0.10) & (np.abs(c[:, 1]) > 0.5) & (c[:, 0] > 0.9) & (c[:, 0] < 3.4)
     side &= ~((c[:, 0] > 2.25) & (c[:, 0] < 2.33))
-    screens = (
-        cabin
-        & (above > 0.06)
-        & (above < room - 0.05)
-        & (slope > 0.22)
-        & (np.abs(c[:, 1]) < 0.62 - 0.12 * np.clip(above / 0.4, 0, 1))
-    )
+    screens = cabin & (above > 0.06) & (above < room - 0.05) & (slope > 0.22)
+    screens &= np.abs(c[:, 1]) < 0.62 - 0.12 * np.clip(above / 0.4, 0, 1)
     glass = side | screens
     cap = len(flat)
     flat = np.vstack([flat, [[0, 0, 0.62]]])

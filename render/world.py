@@ -262,18 +262,10 @@ class World:
         x, y = u * 1.02, 0.5 + v * 1.2
         z = 0.956 - 0.10 * v**2 - 0.045 * u**2 - 0.03 * np.maximum(0, v - 0.85) * 8
         z = z + 0.014 * np.exp(-(((np.abs(u) - 0.52) / 0.09) ** 2)) + 0.004 * np.sin(5 * u + 1)
-        points = (
-            np.stack([x, y, z + h.get("raise", 0.0), np.ones_like(x)], -1).reshape(-1, 4) @ np.asarray(world_from_car).T
-        )
-        return {
-            "hood": mesh(
-                "hood",
-                points[:, :3],
-                grid_faces(80, 30),
-                glossy(h.get("rgb", (0.075, 0.043, 0.036)), 0.5, 0.5, 0.1, 0.2),
-                smooth=True,
-            )
-        }
+        points = np.stack([x, y, z + h.get("raise", 0.0), np.ones_like(x)], -1).reshape(-1, 4)
+        points = points @ np.asarray(world_from_car).T
+        paint = glossy(h.get("rgb", (0.075, 0.043, 0.036)), 0.5, 0.5, 0.1, 0.2)
+        return {"hood": mesh("hood", points[:, :3], grid_faces(80, 30), paint, smooth=True)}
 
     def load(self, pose: CarPose, *, time_s=None, mounting=None):
         """The Mitsuba scene with the hood (and, for clips, the cars) where they are at this moment."""

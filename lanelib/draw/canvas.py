@@ -68,10 +68,8 @@ class Canvas:
                 f"a YUV420p frame (H*3/2, W) of uint8 in one piece is needed, found {_found(frame)}; H and W are even"
             )
         y, u, v = yuv420_planes(frame)
-        return cls(
-            (Plane(y, 1.0, slice(0, 1)), Plane(u, 0.5, slice(1, 2)), Plane(v, 0.5, slice(2, 3))),
-            (y.shape[1], y.shape[0]),
-        )
+        planes = (Plane(y, 1.0, slice(0, 1)), Plane(u, 0.5, slice(1, 2)), Plane(v, 0.5, slice(2, 3)))
+        return cls(planes, (y.shape[1], y.shape[0]))
 
     @property
     def is_yuv(self) -> bool:
@@ -115,9 +113,8 @@ class Canvas:
         off."""
         parts = layer.yuv if self.is_yuv else layer.bgr
         for plane, (colour, clear) in zip(self.planes, parts, strict=True):
-            below = plane.pixels[int(xy[1] * plane.scale) :, int(xy[0] * plane.scale) :][
-                : colour.shape[0], : colour.shape[1]
-            ]
+            x, y = int(xy[0] * plane.scale), int(xy[1] * plane.scale)
+            below = plane.pixels[y : y + colour.shape[0], x : x + colour.shape[1]]
             if below.size:
                 h, w = below.shape[:2]
                 through = cv2.multiply(below, clear[:h, :w], scale=1 / 255)

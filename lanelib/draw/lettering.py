@@ -102,9 +102,8 @@ def _glyph(glyph: str, cap_px: float, weight: float) -> tuple[np.ndarray, float]
     if glyph == " ":
         return np.zeros((1, 1), np.uint8), SPACE * unit
     strokes = _strokes(glyph if glyph in _GLYPHS else "?")
-    widest = (
-        4.1 if glyph.isdigit() else max(stroke[:, 0].max() for stroke in strokes)
-    )  # numbers that change must not jump
+    # digits are of one width: numbers that change must not jump
+    widest = 4.1 if glyph.isdigit() else max(stroke[:, 0].max() for stroke in strokes)
     size = (int(np.ceil((widest + GAP) * unit)) + 1, round(ABOVE * unit) + round(BELOW * unit))  # width, height
     big = np.zeros((size[1] * OVERSAMPLE, size[0] * OVERSAMPLE), np.uint8)
     base = round(ABOVE * unit) * OVERSAMPLE - 0.5

@@ -110,14 +110,8 @@ def draw_windows(view: np.ndarray, found, *, left: str = "left line", right: str
         picture[y[inside], x[inside]] = bgr(name)
     top = _scaled(picture, of=720)
     for window in found.windows:
-        corners = np.array(
-            [
-                (window.left, window.row_top),
-                (window.right - 1, window.row_top),
-                (window.right - 1, window.row_bottom - 1),
-                (window.left, window.row_bottom - 1),
-            ]
-        )
+        x, y = (window.left, window.right - 1), (window.row_top, window.row_bottom - 1)
+        corners = np.array([(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])])
         colour = bgr("window") if window.recentred else tuple(v // 2 for v in bgr("window"))
         line_in_place(picture, corners, colour, 2 * top, closed=True)
     return picture

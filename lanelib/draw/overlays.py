@@ -81,12 +81,8 @@ def draw_lane(canvas: Canvas, left_px: np.ndarray, right_px: np.ndarray, *, held
     width = np.hypot(*(right[:n] - left[:n]).T)
     top, bottom = min(left[:, 1].min(), right[:, 1].min()), min(max(left[0, 1], right[0, 1]), canvas.size_wh[1])
     full = top + FADE * max(bottom - top, 1.0)
-    canvas.fill(
-        [np.concatenate([left, right[::-1]])],
-        bgr("lane area"),
-        opacity=AREA_OPACITY["held" if held else "measured"],
-        fade_rows=(top, full),
-    )
+    area, opacity = np.concatenate([left, right[::-1]]), AREA_OPACITY["held" if held else "measured"]
+    canvas.fill([area], bgr("lane area"), opacity=opacity, fade_rows=(top, full))
     thinnest = max(1.0, 0.0011 * canvas.size_wh[0])
     for line, name in ((left, "left line"), (right, "right line")):
         wide = LINE_WIDTH * np.concatenate([width, np.full(len(line) - n, width[-1])])
@@ -161,9 +157,7 @@ def status_text(status: str) -> str:
 # ---------------------------------------------------------------------------------------------- read-out
 def read_out(result, size_wh: tuple[int, int]) -> Layer | None:
     """The read-out of a result as a layer for `Canvas.lay`; None where the frame is too small for words."""
-    scale = max(
-        min(size_wh[0] / 1280, size_wh[1] / 720), 0.46
-    )  # below that, letters would be smaller than a pixel allows
+    scale = max(min(size_wh[0] / 1280, size_wh[1] / 720), 0.46)  # below that, strokes would be thinner than a pixel
     widest = size_wh[0] - 8
     if widest < 110 or size_wh[1] < 60:
         return None
@@ -205,9 +199,8 @@ def _card(status, radius, offset, width, place, confidence, scale, widest, reaso
     _disc(card, pad + dot, row_head - small / 2 - 0.5, dot, colour)
     put_text(card, status_text(status), (pad + 2 * dot + 0.55 * small, row_head), _over("text"), cap_px=small)
     if radius:
-        put_text(
-            card, f"{100 * confidence:.0f} %", (pad + inner, row_head), _over("label"), cap_px=small, align="right"
-        )
+        percent = f"{100 * confidence:.0f} %"
+        put_text(card, percent, (pad + inner, row_head), _over("label"), cap_px=small, align="right")
         end = pad + inner - text_width("100 %", small) - 0.4 * small
         begin = max(end - 56 * scale, pad + 2 * dot + text_width(status_text(status), small) + 1.2 * small)
         if end - begin > 1.5 * small:
@@ -216,9 +209,8 @@ def _card(status, radius, offset, width, place, confidence, scale, widest, reaso
         put_text(card, offset, (pad, row_offset), _over("text"), cap_px=big)
         words = f"lane width {width}"
         _gauge(card, pad, row_gauge, inner - text_width(words, small) - pad, thick, place)
-        put_text(
-            card, words, (pad + inner, row_gauge + (thick + small) // 2), _over("label"), cap_px=small, align="right"
-        )
+        below = (pad + inner, row_gauge + (thick + small) // 2)
+        put_text(card, words, below, _over("label"), cap_px=small, align="right")
     for i, words in enumerate(reason_lines, 1):
         put_text(card, words, (pad, rows_end + i * line), _over("label"), cap_px=small)
     return Layer(card)

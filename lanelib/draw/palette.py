@@ -10,15 +10,8 @@ import re
 from lanelib.errors import LanelibError
 
 # Okabe and Ito, "Color universal design", 2008
-VERMILLION, BLUE, GREEN, ORANGE, SKY, PURPLE, YELLOW = (
-    "#d55e00",
-    "#0072b2",
-    "#009e73",
-    "#e69f00",
-    "#56b4e9",
-    "#cc79a7",
-    "#f0e442",
-)
+VERMILLION, BLUE, GREEN, ORANGE = "#d55e00", "#0072b2", "#009e73", "#e69f00"
+SKY, PURPLE, YELLOW = "#56b4e9", "#cc79a7", "#f0e442"
 
 SERIES = (BLUE, VERMILLION, GREEN, ORANGE, SKY, PURPLE)  # things without a colour of their own, in this order
 

@@ -97,8 +97,9 @@ def birdseye(
     """
     picture = as_bgr(view).copy()
     if picture.shape[:2] != (len(grid.y_m), len(grid.x_m)):
+        width, height = grid.size_wh
         raise LanelibError(
-            f"the view must be {len(grid.x_m)}x{len(grid.y_m)} as its grid, found {picture.shape[1]}x{picture.shape[0]}"
+            f"the view must be {width}x{height} as its grid, found {picture.shape[1]}x{picture.shape[0]}"
         )
     scale = max(picture.shape[0] / 720, 0.5)
     if lane is not None:
@@ -116,15 +117,8 @@ def birdseye(
         for (u, v), weight in zip(on, weights, strict=True):
             if np.isfinite(u + v) and weight > 0.02:
                 shade = tuple(float(c) * (0.4 + 0.6 * weight) for c in bgr("paint"))
-                cv2.circle(
-                    picture,
-                    (round(u * 16), round(v * 16)),
-                    round((0.9 + 0.9 * weight) * scale * 16),
-                    shade,
-                    -1,
-                    cv2.LINE_AA,
-                    4,
-                )
+                centre, radius = (round(u * 16), round(v * 16)), round((0.9 + 0.9 * weight) * scale * 16)
+                cv2.circle(picture, centre, radius, shade, -1, cv2.LINE_AA, 4)
     if rulers:
         _rulers(picture, grid, scale)
         _car(picture, grid, scale)
@@ -140,9 +134,8 @@ def _rulers(picture, grid, scale) -> None:
     step = next(s * 10**k for k in count() for s in (1, 2, 5) if s * 10 ** (k + 1) >= grid.y_m[0] - grid.y_m[-1])
     for metres in np.arange(math.ceil(grid.y_m[-1] / step) * step, grid.y_m[0], step):
         v = pixels_of_road(grid, [(0, metres)])[0, 1]
-        canvas.fill(
-            [np.array([(0, v - 0.5), (width, v - 0.5), (width, v + 0.5), (0, v + 0.5)])], (255, 255, 255), opacity=0.22
-        )
+        hairline = np.array([(0, v - 0.5), (width, v - 0.5), (width, v + 0.5), (0, v + 0.5)])
+        canvas.fill([hairline], (255, 255, 255), opacity=0.22)
         if v < height - 46 * scale:
             _tag(picture, canvas, f"{metres:g} m", (round(5 * scale), v - 4 * scale), cap)
     for metres in np.arange(math.ceil(grid.x_m[0]), grid.x_m[-1]):
@@ -150,12 +143,10 @@ def _rulers(picture, grid, scale) -> None:
         tall = (9 if metres % 2 == 0 else 5) * scale
         box = np.array([(u - 0.5, height - tall), (u + 0.5, height - tall), (u + 0.5, height), (u - 0.5, height)])
         canvas.fill([box], (255, 255, 255), opacity=0.85)
-        if (
-            metres % 2 == 0
-            and abs(metres) > 0
-            and text_width(f"{metres:+g}", cap) / 2 < u < width - text_width(f"{metres:+g}", cap) / 2
-        ):
-            _tag(picture, canvas, f"{metres:+g}", (u, height - tall - 4 * scale), cap, align="centre")
+        words = f"{metres:+g}"
+        half = text_width(words, cap) / 2
+        if metres % 2 == 0 and metres != 0 and half < u < width - half:
+            _tag(picture, canvas, words, (u, height - tall - 4 * scale), cap, align="centre")
 
 
 def _tag(picture, canvas, words, xy, cap, *, align="left") -> None:
@@ -163,13 +154,9 @@ def _tag(picture, canvas, words, xy, cap, *, align="left") -> None:
     width = text_width(words, cap)
     x = xy[0] - (width / 2 if align == "centre" else 0)
     pad = 0.35 * cap
-    box = [
-        (x - pad, xy[1] - cap - pad),
-        (x + width + pad, xy[1] - cap - pad),
-        (x + width + pad, xy[1] + pad),
-        (x - pad, xy[1] + pad),
-    ]
-    canvas.fill([np.array(box)], bgr("card"), opacity=0.55)
+    left, right, top, bottom = x - pad, x + width + pad, xy[1] - cap - pad, xy[1] + pad
+    box = np.array([(left, top), (right, top), (right, bottom), (left, bottom)])
+    canvas.fill([box], bgr("card"), opacity=0.55)
     put_text(picture, words, (x, xy[1]), bgr("text"), cap_px=cap)
 
 

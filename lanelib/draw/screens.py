@@ -64,11 +64,8 @@ def _status_bar(out, result, x, base, width) -> None:
     cv2.circle(out, ((x + 6) * 16, (base - 6) * 16), 6 * 16, bgr(colour), -1, cv2.LINE_AA, 4)
     words = status_text(result.status)
     put_text(out, words, (x + 20, base), bgr("text"), cap_px=12, bold=True)
-    rest = [
-        f"confidence {100 * result.confidence:.0f} %",
-        f"{result.milliseconds:.1f} ms",
-        *([str(result.reason)] if result.reason else []),
-    ]
+    rest = [f"confidence {100 * result.confidence:.0f} %", f"{result.milliseconds:.1f} ms"]
+    rest += [str(result.reason)] if result.reason else []
     at = x + 20 + text_width(words, 12, bold=True) + 16
     put_text(out, shortened(" · ".join(rest), 11, width - (at - x)), (at, base), bgr("label"), cap_px=11)
 

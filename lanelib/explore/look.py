@@ -84,12 +84,8 @@ class Look:
         return self.jpeg()
 
     def __repr__(self) -> str:
-        return (
-            "\n".join(
-                f"{r.name}: {r.text}" + (f" (truth {r.truth_text})" if r.truth_text else "") for r in self.readings
-            )
-            or "Look"
-        )
+        lines = (f"{r.name}: {r.text}" + (f" (truth {r.truth_text})" if r.truth_text else "") for r in self.readings)
+        return "\n".join(lines) or "Look"
 
 
 def readings_html(readings: Iterable[Reading]) -> str:
