@@ -20,7 +20,8 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from lanelib.camera import Camera, as_picture, as_points, as_size_wh
+from lanelib.arrays import as_picture, as_points, as_size_wh, owned
+from lanelib.camera import Camera
 from lanelib.errors import LanelibError
 
 # The classic trapezoid of the Udacity course, in fractions of a 1280x720 picture, and the rectangle it maps to.
@@ -51,13 +52,6 @@ def map_points(homography: np.ndarray, points: np.ndarray) -> np.ndarray:
     return xyw[:, :2] / w
 
 
-def _own(array) -> np.ndarray:
-    """A read-only copy, which nobody outside can change."""
-    array = np.array(array, float)
-    array.setflags(write=False)
-    return array
-
-
 @dataclass(frozen=True, eq=False)
 class Grid:
     """Where a bird's-eye picture samples the road: column j at ``x_m[j]``, row i at ``y_m[i]``.
@@ -71,7 +65,7 @@ class Grid:
     def __post_init__(self):
         for name, sign in (("x_m", 1), ("y_m", -1)):
             try:
-                values = _own(getattr(self, name))
+                values = owned(getattr(self, name))
                 steps = sign * np.diff(values)
                 good = values.ndim == 1 and len(values) >= 2 and np.isfinite(values).all() and steps.min() > 0
             except (TypeError, ValueError):
@@ -153,7 +147,7 @@ class BirdsEye:
         w, height = as_size_wh(self.size_wh, "bird's-eye view")
         if h[2] @ (w / 2, 1.2 * height, 1) < 0:  # homographies have no sign: make the road side the positive one
             h = -h
-        object.__setattr__(self, "road_from_image", _own(h))
+        object.__setattr__(self, "road_from_image", owned(h))
         object.__setattr__(self, "size_wh", (w, height))
         if self.grid is None:
             object.__setattr__(self, "grid", Grid.uniform())
@@ -240,7 +234,7 @@ class BirdsEye:
     def image_from_road(self) -> np.ndarray:
         """The inverse homography (3, 3): road metres to undistorted pixels, third coordinate positive ahead."""
         h = np.linalg.inv(self.road_from_image)
-        return _own(h if h[2] @ (0, 20, 1) > 0 else -h)
+        return owned(h if h[2] @ (0, 20, 1) > 0 else -h)
 
     def road_from_points(self, points_px) -> np.ndarray:
         """Undistorted pixels (N, 2) to metres on the road (N, 2); NaN on and above the horizon."""
@@ -313,7 +307,7 @@ class BirdsEye:
     @cached_property
     def view_from_image(self) -> np.ndarray:
         """Homography (3, 3) from undistorted pixels to pixels of the bird's-eye picture."""
-        return _own(np.linalg.inv(self.grid.road_from_pixel) @ self.road_from_image)
+        return owned(np.linalg.inv(self.grid.road_from_pixel) @ self.road_from_image)
 
     def warp(self, undistorted, *, flags=cv2.INTER_LINEAR) -> np.ndarray:
         """Undistorted picture or mask to the bird's-eye picture of ``grid`` (black outside)."""

@@ -7,13 +7,14 @@ fx x + cx, fy y + cy: the same camera matrix, no lens.
 
 import json
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from lanelib.arrays import as_picture, as_points, as_size_wh, in_short, owned
 from lanelib.distortion import distort, fold_radius, undistort
 from lanelib.errors import LanelibError
 from lanelib.pictures import read_text, write_bytes
@@ -21,7 +22,6 @@ from lanelib.pictures import read_text, write_bytes
 FORMAT = "lanelib-camera/1"
 INTRINSICS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 MAX_DISTORTION = 1e6  # folds the picture within a pixel of its centre; beyond, floating point overflows
-SAMPLED = (np.uint8, np.uint16, np.int16, np.float32, np.float64)  # what OpenCV interpolates
 ASPECT_TOLERANCE = 0.005  # 1281x721 is the camera of 1280x720 (0.06 %), a 4:3 picture of a 16:9 camera is a crop (33 %)
 
 
@@ -46,18 +46,18 @@ class Camera:
     distortion: np.ndarray
     size_wh: tuple[int, int]
     rms_px: float | None = None
-    std: dict[str, float] | None = field(default=None)
+    std: dict[str, float] | None = None
 
     def __post_init__(self):
         matrix = _numbers(self.camera_matrix, (3, 3), "camera_matrix")
         distortion = _numbers(self.distortion, (5,), "distortion (k1, k2, p1, p2, k3)")
         if np.abs(distortion).max() > MAX_DISTORTION:
-            found = _short(distortion.tolist())
+            found = in_short(distortion.tolist())
             raise LanelibError(f"camera: need a distortion within +-{MAX_DISTORTION:g}, found {found}; calibrate again")
         fx, fy = matrix[0, 0], matrix[1, 1]
         if fx <= 0 or fy <= 0 or matrix[0, 1] != 0 or matrix[1, 0] != 0 or (matrix[2] != (0, 0, 1)).any():
             raise LanelibError(
-                f"camera: need a camera_matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], found {_short(matrix.tolist())}"
+                f"camera: need a camera_matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], found {in_short(matrix.tolist())}"
             )
         object.__setattr__(self, "camera_matrix", matrix)
         object.__setattr__(self, "distortion", distortion)
@@ -66,7 +66,7 @@ class Camera:
             object.__setattr__(self, "rms_px", float(_numbers(self.rms_px, (), "rms_px")))
         if self.std is not None:
             if not isinstance(self.std, dict) or not set(self.std) <= set(INTRINSICS):
-                raise LanelibError(f"camera: need std by the names {', '.join(INTRINSICS)}, found {_short(self.std)}")
+                raise LanelibError(f"camera: need std by the names {', '.join(INTRINSICS)}, found {in_short(self.std)}")
             std = {name: float(_numbers(value, (), f"std of {name}")) for name, value in self.std.items()}
             object.__setattr__(self, "std", std)
 
@@ -194,7 +194,7 @@ class Camera:
         """
         if not isinstance(numbers, dict) or numbers.get("format") != FORMAT:
             found = numbers.get("format", "no format") if isinstance(numbers, dict) else type(numbers).__name__
-            raise LanelibError(f"camera: need the format {FORMAT!r}, found {_short(found)}; use `lanelib calibrate`")
+            raise LanelibError(f"camera: need the format {FORMAT!r}, found {in_short(found)}; use `lanelib calibrate`")
         missing = [key for key in ("size_wh", "camera_matrix", "distortion") if key not in numbers]
         if missing:
             raise LanelibError(f"camera: need {', '.join(missing)}, found none; use `lanelib calibrate`")
@@ -246,51 +246,11 @@ class Camera:
 def _numbers(value, shape: tuple[int, ...], what: str) -> np.ndarray:
     """A read-only float64 copy of that shape with finite numbers."""
     try:
-        array = np.array(value, dtype=np.float64)
+        array = owned(value)
     except (TypeError, ValueError, OverflowError):
-        raise LanelibError(f"camera: need {what} as {shape or 'one'} numbers, found {_short(value)}") from None
+        raise LanelibError(f"camera: need {what} as {shape or 'one'} numbers, found {in_short(value)}") from None
     if array.shape != shape:
         raise LanelibError(f"camera: need {what} of shape {shape}, found {array.shape}")
     if not np.isfinite(array).all():
-        raise LanelibError(f"camera: need {what} finite, found {_short(array.tolist())}")
-    array.setflags(write=False)
+        raise LanelibError(f"camera: need {what} finite, found {in_short(array.tolist())}")
     return array
-
-
-def _short(value) -> str:
-    """A value on one line, cut where it is long, for error messages."""
-    text = " ".join(repr(value).split())
-    return text if len(text) <= 80 else text[:77] + "..."
-
-
-def as_points(points, n: int) -> np.ndarray:
-    """Points (N, n) as float64."""
-    try:
-        array = np.asarray(points, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise LanelibError(f"need points of shape (N, {n}), found {_short(points)}") from None
-    if array.ndim != 2 or array.shape[1] != n:
-        raise LanelibError(f"need points of shape (N, {n}), found {array.shape}")
-    return array
-
-
-def as_size_wh(size_wh, what: str) -> tuple[int, int]:
-    """Width and height as plain whole numbers above 0; ``what`` needs them."""
-    try:
-        width, height = size = tuple(int(n) for n in size_wh)
-        valid = min(size) > 0 and size == tuple(size_wh)
-    except (TypeError, ValueError, OverflowError):
-        valid = False
-    if not valid:
-        raise LanelibError(f"{what}: need size_wh as two whole numbers above 0, found {_short(size_wh)}")
-    return width, height
-
-
-def as_picture(picture, size_wh: tuple[int, int], what: str, cure: str) -> np.ndarray:
-    """The array itself, if it is a picture of that size which OpenCV can sample; ``what`` needs it."""
-    if not isinstance(picture, np.ndarray) or picture.ndim not in (2, 3) or picture.shape[1::-1] != size_wh:
-        found = f"an array of shape {picture.shape}" if isinstance(picture, np.ndarray) else type(picture).__name__
-        raise LanelibError(f"{what}: need a frame of {size_wh[0]}x{size_wh[1]}, found {found}; {cure}")
-    if picture.dtype not in SAMPLED:
-        raise LanelibError(f"{what}: need uint8 or another number that OpenCV takes, found {picture.dtype}; convert it")
-    return picture

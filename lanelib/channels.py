@@ -9,6 +9,7 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
+from lanelib.arrays import described
 from lanelib.errors import LanelibError
 
 Channel = Callable[[np.ndarray], np.ndarray]
@@ -21,8 +22,9 @@ def as_bgr(frame: np.ndarray) -> np.ndarray:
     returned as it is, not copied. Raises LanelibError for anything else.
     """
     if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8:
-        found = f"{frame.dtype} array" if isinstance(frame, np.ndarray) else type(frame).__name__
-        raise LanelibError(f"a picture of uint8 is needed, found {found}; convert it to 0..255 and astype('uint8')")
+        raise LanelibError(
+            f"a picture of uint8 is needed, found {described(frame)}; convert it to 0..255 and astype('uint8')"
+        )
     if frame.size == 0 or frame.ndim not in (2, 3) or (frame.ndim == 3 and frame.shape[2] not in (1, 3, 4)):
         raise LanelibError(f"a picture of shape (H, W, 3) is needed, found {frame.shape}; give a BGR or grey frame")
     if frame.ndim == 2 or frame.shape[2] == 1:
@@ -42,10 +44,8 @@ def one_channel(values: np.ndarray) -> np.ndarray:
 
     Some functions of OpenCV end the whole process on an empty picture instead of raising.
     """
-    fits = isinstance(values, np.ndarray) and values.ndim == 2 and values.size > 0 and values.dtype.kind in "bufi"
-    if not fits:
-        found = f"shape {values.shape}, {values.dtype}" if isinstance(values, np.ndarray) else type(values).__name__
-        raise LanelibError(f"one channel (H, W) is needed, found {found}; give a mask or a grey picture")
+    if not isinstance(values, np.ndarray) or values.ndim != 2 or values.size == 0 or values.dtype.kind not in "bufi":
+        raise LanelibError(f"one channel (H, W) is needed, found {described(values)}; give a mask or a grey picture")
     return values
 
 

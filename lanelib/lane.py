@@ -18,6 +18,7 @@ from typing import Literal, final
 
 import numpy as np
 
+from lanelib.arrays import owned
 from lanelib.errors import LanelibError
 
 STRAIGHT_1PM = 1e-4  # curvatures below this (radius above 10 km) are called straight
@@ -55,9 +56,7 @@ class Line:
     support: float = 0.0
 
     def __post_init__(self):
-        coefficients = np.array(self.coefficients, float)  # its own: x(y) is worked out from a list made once
-        coefficients.setflags(write=False)
-        object.__setattr__(self, "coefficients", coefficients)
+        object.__setattr__(self, "coefficients", owned(self.coefficients))  # x(y) is worked out from a list made once
 
     @cached_property
     def _derivatives(self) -> tuple[list[float], list[float], list[float]]:

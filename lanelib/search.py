@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from lanelib.channels import one_channel
 from lanelib.errors import LanelibError
 
 MARGIN_FRACTION = 0.08  # of the picture's width: 0.6 m to either side where the view is two lanes (7.3 m) wide, enough
@@ -64,10 +65,7 @@ class LanePixels:
 def _weights(mask: np.ndarray) -> np.ndarray:
     """(H, W) float32 weights of 0 and more: of whole numbers 0..255 becomes 0..1 and a mask of 0 and 1 stays, as a
     picture of floats does; NaN and negative become 0."""
-    if not isinstance(mask, np.ndarray) or mask.ndim != 2 or mask.size == 0 or mask.dtype.kind not in "bufi":
-        found = f"shape {mask.shape}, {mask.dtype}" if isinstance(mask, np.ndarray) else type(mask).__name__
-        raise LanelibError(f"a mask or weight picture of shape (H, W) is needed, found {found}; give one channel")
-    weights = mask.astype(np.float32)
+    weights = one_channel(mask).astype(np.float32)
     if mask.dtype.kind in "ui" and mask.max() > 1:
         weights *= np.float32(1 / 255)
     return np.where(np.isfinite(weights) & (weights > 0), weights, np.float32(0))

@@ -34,9 +34,7 @@ def sobel(channel: np.ndarray, *, ksize: int = 3) -> Gradients:
     """
     if ksize not in range(1, 32, 2):
         raise LanelibError(f"an odd Sobel kernel size from 1 to 31 is needed, found {ksize}; use 3, 5, 7, …")
-    if not isinstance(channel, np.ndarray) or channel.ndim != 2 or channel.size == 0:
-        raise LanelibError(f"one channel (H, W) is needed, found shape {np.shape(channel)}; choose one from CHANNELS")
-    values = channel.astype(np.float32)
+    values = one_channel(channel).astype(np.float32)
     derive_x, smooth_y = cv2.getDerivKernels(1, 0, ksize, normalize=True)
     smooth_x, derive_y = cv2.getDerivKernels(0, 1, ksize, normalize=True)
     return Gradients(cv2.sepFilter2D(values, cv2.CV_32F, derive_x, smooth_y),

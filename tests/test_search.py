@@ -224,7 +224,7 @@ def test_not_a_number_counts_as_no_paint():
 
 @pytest.mark.parametrize("bad", [np.zeros((4, 4, 3), np.uint8), np.zeros((0, 4), np.uint8), None, np.array([["a"]])])
 def test_bad_masks_are_one_clear_line(bad):
-    with pytest.raises(LanelibError, match="mask or weight picture") as error:
+    with pytest.raises(LanelibError, match="a mask or a grey picture") as error:
         sliding_windows(bad)
     assert "\n" not in str(error.value)
 

@@ -13,6 +13,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
+from lanelib.arrays import described
 from lanelib.channels import yuv420_planes
 from lanelib.errors import LanelibError
 
@@ -54,7 +55,7 @@ class Canvas:
         fits = isinstance(frame, np.ndarray) and frame.dtype == np.uint8 and frame.ndim == 3 and frame.shape[2] == 3
         if not (fits and frame.size and frame.strides[1:] == (3, 1) and frame.flags.writeable):
             raise LanelibError(
-                f"a BGR frame (H, W, 3) of uint8 that may be written is needed, found {_found(frame)}; draw on a copy"
+                f"a BGR frame (H, W, 3) of uint8 to write into is needed, found {described(frame)}; draw on a copy"
             )
         return cls((Plane(frame, 1.0, slice(0, 3)),), (frame.shape[1], frame.shape[0]))
 
@@ -65,7 +66,7 @@ class Canvas:
         fits = fits and frame.flags.c_contiguous and frame.flags.writeable
         if not fits or frame.shape[0] % 3 or frame.shape[1] % 2:
             raise LanelibError(
-                f"a YUV420p frame (H*3/2, W) of uint8 in one piece is needed, found {_found(frame)}; H and W are even"
+                f"a YUV420p frame (H*3/2, W), uint8 in one piece, is needed, found {described(frame)}; use even H and W"
             )
         y, u, v = yuv420_planes(frame)
         planes = (Plane(y, 1.0, slice(0, 1)), Plane(u, 0.5, slice(1, 2)), Plane(v, 0.5, slice(2, 3)))
@@ -180,7 +181,3 @@ def _bands(y0: int, n_rows: int, scale: float, fade_rows) -> list[tuple[slice, f
             bands.append((slice(begin, end), (i + 0.5) / steps))
             begin = end
     return [*bands, (slice(begin, n_rows), 1.0)]
-
-
-def _found(frame) -> str:
-    return f"shape {frame.shape}, {frame.dtype}" if isinstance(frame, np.ndarray) else type(frame).__name__
