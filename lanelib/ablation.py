@@ -21,7 +21,7 @@ from lanelib import jointfit
 from lanelib.birdseye import Grid
 from lanelib.camera import Camera
 from lanelib.errors import LanelibError
-from lanelib.evaluate import DISTANCES_M, Evaluation, score, table
+from lanelib.evaluate import DISTANCES_M, Evaluation, fixed, score, table
 from lanelib.finder import LaneFinder
 from lanelib.hypotheses import hypotheses
 from lanelib.jointfit import HILL, PITCH, Points, Prior
@@ -33,6 +33,8 @@ from lanelib.rig import SCAN_ROWS, Rig, View
 from lanelib.scores import FrameScore, metric_score, pixel_score
 from lanelib.tracking import LaneTracker
 
+FROM_10_M = DISTANCES_M.index(10.0)  # where the tables begin
+LATERAL_HEAD = [f"cm at {d:.0f} m" for d in DISTANCES_M[FROM_10_M:]]
 # As good as known: a hundredth of what cars do. Zero would leave the prior's covariance without an inverse.
 KNOWN_PITCH_RAD, KNOWN_HILL_1PM = math.radians(0.007), 1 / 600_000
 
@@ -142,34 +144,28 @@ def ablate(
 def comparison(runs: Mapping[str, Run]) -> str:
     """Runs as a Markdown table: shares right, TuSimple, strict; cm at 10, 20, 30 m, offset; a clip's jitter."""
     over_time = any(r.evaluation.clips() for r in runs.values())
-    at = [DISTANCES_M.index(d) for d in (10.0, 20.0, 30.0)]
-    head = ["", "frames right", "TuSimple", "strict", *(f"cm at {DISTANCES_M[i]:.0f} m" for i in at), "offset cm"]
+    head = ["", "frames right", "TuSimple", "strict", *LATERAL_HEAD, "offset cm"]
     rows = [head + ["jitter cm", "longest wrong s"] * over_time]
     for name, one in runs.items():
         metric, pixels = metric_score(one.evaluation.frames), one.evaluation.pixels
-        row = [name, _text(one.right, 2), _text(pixels.tusimple, 2), _text(pixels.strict, 2)]
-        row += [_text(100 * metric.lateral_m[i], 1) for i in at] + [_text(100 * metric.offset_m, 1)]
+        row = [name, fixed(one.right, 2), fixed(pixels.tusimple, 2), fixed(pixels.strict, 2)]
+        row += [fixed(100 * m, 1) for m in (*metric.lateral_m[FROM_10_M:], metric.offset_m)]
         if over_time:
             clip = one.evaluation.clips()[0]
-            row += [_text(100 * clip.jitter_m, 2), _text(clip.wrong_s, 2)]
+            row += [fixed(100 * clip.jitter_m, 2), fixed(clip.wrong_s, 2)]
         rows.append(row)
     return table(rows)
 
 
 def by_tag(one: Run) -> str:
     """A run as a Markdown table with a row per tag: frames, share right, TuSimple, cm at 10, 20, 30 m."""
-    at = [DISTANCES_M.index(d) for d in (10.0, 20.0, 30.0)]
-    rows = [["tag", "frames", "right", "TuSimple", *(f"cm at {DISTANCES_M[i]:.0f} m" for i in at)]]
+    rows = [["tag", "frames", "right", "TuSimple", *LATERAL_HEAD]]
     for tag, frames in one.evaluation.by_tag().items():
         part = Run(replace(one.evaluation, frames=frames, pixels=pixel_score(frames)), one.rows)
         lateral = metric_score(frames).lateral_m
-        row = [tag, str(len(frames)), _text(part.right, 2), _text(part.evaluation.pixels.tusimple, 2)]
-        rows.append(row + [_text(100 * lateral[i], 1) for i in at])
+        row = [tag, str(len(frames)), fixed(part.right, 2), fixed(part.evaluation.pixels.tusimple, 2)]
+        rows.append(row + [fixed(100 * m, 1) for m in lateral[FROM_10_M:]])
     return table(rows)
-
-
-def _text(value: float, digits: int) -> str:
-    return f"{value:.{digits}f}" if math.isfinite(value) else "-"
 
 
 # ---------------------------------------------------------------------------------------------- conditions
@@ -248,9 +244,12 @@ def perfect_points(view: View, truth: Mapping) -> Points:
 
 def perfect_lane(view: View, truth: Mapping) -> Lane | None:
     """The joint fit of `perfect_points`: what is left is the fit's own error. None where no lane comes of them."""
-    points = perfect_points(view, truth)
-    fits = jointfit.fits(points, hypotheses(points))
-    best = max(fits, key=lambda f: f.energy, default=None)
+    return best_lane(view, perfect_points(view, truth))
+
+
+def best_lane(view: View, points: Points) -> Lane | None:
+    """The lane that explains most of these paint points, or None: a fresh search without any test of what it finds."""
+    best = max(jointfit.fits(points, hypotheses(points)), key=lambda fit: fit.energy, default=None)
     return None if best is None else view.lane(best)
 
 
@@ -317,10 +316,7 @@ def lane_in_view(view: View, frame_bgr: np.ndarray) -> Lane | None:
     so that a view with few of them is not at a disadvantage."""
     z = evidence_of(*view.paint_channels(frame_bgr), column_m=view.grid.column_m)
     points = view.points(paint_points(z))
-    points = replace(points, weight=points.weight * SCAN_ROWS / points.n_rows)
-    fits = jointfit.fits(points, hypotheses(points))
-    best = max(fits, key=lambda f: f.energy, default=None)
-    return None if best is None else view.lane(best)
+    return best_lane(view, replace(points, weight=points.weight * SCAN_ROWS / points.n_rows))
 
 
 def _median(errors: Sequence[np.ndarray]) -> np.ndarray:

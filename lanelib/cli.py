@@ -12,9 +12,9 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from lanelib.errors import LanelibError, one_line
+from lanelib.errors import BAD_INPUT, FAULT, LanelibError, one_line
 
-OK, FAULT, BAD_INPUT, INTERRUPTED, TERMINATED, BROKEN_PIPE = 0, 1, 2, 130, 143, 141
+OK, INTERRUPTED, BROKEN_PIPE, TERMINATED = 0, 130, 141, 143  # as a shell has it: 128 and the number of the signal
 
 
 def main(argv: Sequence[str] | None = None) -> int:

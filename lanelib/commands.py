@@ -16,13 +16,12 @@ from contextlib import ExitStack, contextmanager
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 
 from lanelib import datasets, rigs
 from lanelib.camera import Camera
-from lanelib.errors import LanelibError
+from lanelib.errors import BAD_INPUT, LanelibError
 from lanelib.finder import LaneFinder
 from lanelib.outputs import (
     Console,
@@ -39,11 +38,13 @@ from lanelib.outputs import (
     taken_names,
     video_output,
     with_folders,
+    write_row,
 )
-from lanelib.pictures import read_image, write_bytes
+from lanelib.pictures import PICTURE_SUFFIXES, read_image, write_bytes
 from lanelib.pipeline import progress_bar
 from lanelib.runs import describe, picture_of, run_video, write_pictures
 from lanelib.threshold import recipe_by_name
+from lanelib.video import probe
 
 MAX_FRAMES_OF_CLIP = 40  # for a rig; more only repeat each other
 CTRL_C_S = 0.2  # Windows answers it only between two waits for a thread
@@ -129,7 +130,7 @@ def image(args: argparse.Namespace, console: Console) -> int:
     """The lane in single pictures, each on its own; one that cannot be used does not stop the others."""
     recipe_by_name(args.recipe)
     pictures = list(with_folders(args.pictures))
-    refuse_one_name(args.output, pictures, datasets.PICTURE_SUFFIXES, "pictures")
+    refuse_one_name(args.output, pictures, PICTURE_SUFFIXES, "pictures")
     refuse_other_kind(args.output)
     failed = 0
     taken = taken_names(args.json)
@@ -242,10 +243,6 @@ def _pass_on(rows: Iterable[dict], write_row) -> None:
         write_row(row)
 
 
-def _keep_row(file: IO[str], row: dict) -> None:
-    file.write(json.dumps(row, allow_nan=False) + "\n")
-
-
 def _drop_row(row: dict) -> None:
     pass
 
@@ -256,7 +253,7 @@ def _tried_apart(file: Path | None, work: Work, args, console, stop: threading.E
         return _tried(work, args, _drop_row, console, stop)
     try:
         with _system_errors_of(work[0]), file.open("w", encoding="utf-8") as lines:
-            return _tried(work, args, partial(_keep_row, lines), console, stop)
+            return _tried(work, args, partial(write_row, lines), console, stop)
     except LanelibError as error:
         return error
 
@@ -272,7 +269,7 @@ def _tried(work: Work, args, write_row, console, stop: threading.Event | None) -
 
 def _one_video(work: Work, args, write_row, console: Console, stop: threading.Event | None) -> None:
     path, raw_file, out = work
-    info = rigs.probe(path)
+    info = probe(path)
     if args.rig is not None:
         rig = rigs.load_rig(args.rig)
     else:
@@ -311,7 +308,7 @@ def _one_video(work: Work, args, write_row, console: Console, stop: threading.Ev
 def _outcome(failed: int, n: int, what: str, console: Console) -> int:
     if failed and n > 1:
         console.complain(f"{failed} of {n} {what} could not be used")
-    return 2 if failed else 0
+    return BAD_INPUT if failed else 0
 
 
 def live(args: argparse.Namespace, console: Console) -> int:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lanelib import calibration, datasets, rigs
-from lanelib.errors import LanelibError, one_line
+from lanelib.errors import BAD_INPUT, FAULT, LanelibError, one_line
 from lanelib.evaluate import Evaluation, evaluate, table
 from lanelib.finder import LaneFinder, Rig
 from lanelib.labels import read_rows
@@ -24,7 +24,6 @@ from lanelib.writeup import write_up
 from lanelib.writeup_figures import OVERLAY, write_before_after, write_boards, write_clip, write_errors, write_steps
 
 BEFORE_AFTER = 2  # boards, and road pictures, shown before and after undistortion
-FAULT, BAD_INPUT = 1, 2
 
 
 @dataclass

@@ -24,8 +24,8 @@ SILENCE_S = 20
 MAX_MEMBER_BYTES = 64_000_000
 
 
-def part_of(final: Path) -> Path:
-    """Where a file is written before it gets its name."""
+def kept_part(final: Path) -> Path:
+    """Where a download is written before it gets its name; one that broke off stays there, to be gone on with."""
     return final.with_name(final.name + ".part")
 
 

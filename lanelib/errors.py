@@ -1,11 +1,13 @@
-"""The one exception of lanelib, and how errors become one line."""
+"""The one exception of lanelib, and how errors become one line and an exit code."""
+
+FAULT, BAD_INPUT = 1, 2  # exit codes: lanelib itself failed; some input could not be used
 
 
 class LanelibError(ValueError):
     """Something the user gave cannot be used.
 
     The text is one line: what was needed, what was found, what to do. The command line prints it
-    and ends with exit code 2; nothing in lanelib raises another type on purpose.
+    and ends with the exit code BAD_INPUT; nothing in lanelib raises another type on purpose.
     """
 
 

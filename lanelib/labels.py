@@ -15,7 +15,7 @@ import numpy as np
 from lanelib.camera import Camera
 from lanelib.errors import LanelibError
 from lanelib.pictures import read_text
-from lanelib.truth import LARGEST, check_tags, load_truth, load_truth_camera
+from lanelib.truth import LARGEST, check_tags, load_truth, load_truth_camera, no_constant
 
 MAX_FILE_BYTES = 500_000_000  # half a million frames; more is not a file of predictions
 
@@ -41,7 +41,7 @@ def read_rows(path: str | Path) -> dict[str, dict]:
         if not line.strip():
             continue
         try:
-            row = json.loads(line, parse_constant=_no_constant)
+            row = json.loads(line, parse_constant=no_constant)
             _check_row(row)
         except (ValueError, KeyError, TypeError, RecursionError) as error:
             what = f"{error.args[0]!r} is missing" if isinstance(error, KeyError) else error
@@ -94,10 +94,6 @@ def _finite(values: list) -> np.ndarray:
     if array.ndim != 1 or array.dtype.kind not in "iuf" or not (np.abs(array.astype(float)) < LARGEST).all():
         raise ValueError(f"found something else than a list of finite numbers, below {LARGEST:.0e}")
     return array
-
-
-def _no_constant(text: str) -> float:
-    raise ValueError(f"found {text}, which is not a number")
 
 
 def line_points(row: Mapping, lane: int) -> tuple[np.ndarray, np.ndarray]:

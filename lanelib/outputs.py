@@ -12,6 +12,7 @@ from typing import IO
 from lanelib import datasets, rigs
 from lanelib.errors import LanelibError, one_line
 from lanelib.parts import is_special, numbered, part_of, remove_abandoned
+from lanelib.pictures import PICTURE_SUFFIXES, pictures_in
 
 OTHER_PICTURES = (".gif", ".heic", ".pdf", ".svg", ".tif", ".tiff", ".webp")
 OUTPUT = "lanelib_output"  # folder of results of pictures that are of no data set, without -o
@@ -66,7 +67,7 @@ def json_lines(path: Path | None, *, sources: Iterable[Path] = ()):
 
         def say(row: dict) -> None:
             with _says_where("stdout"):
-                _write_row(sys.stdout, row)
+                write_row(sys.stdout, row)
 
         yield say
         return
@@ -80,7 +81,7 @@ def json_lines(path: Path | None, *, sources: Iterable[Path] = ()):
 
     def write(row: dict) -> None:
         with _says_where(path):
-            _write_row(file, row)
+            write_row(file, row)
 
     try:
         yield write
@@ -125,7 +126,8 @@ def _says_where(path: Path | str):
         raise LanelibError(f"{path}: needed a place for the results, found: {error.strerror}; choose another") from None
 
 
-def _write_row(file: IO[str], row: dict) -> None:
+def write_row(file: IO[str], row: dict) -> None:
+    """A row as one line of JSON."""
     file.write(json.dumps(row, allow_nan=False) + "\n")
 
 
@@ -182,7 +184,7 @@ def _folder_for(path: Path, given: Path | None, kind: str) -> Path:
 
 def picture_output(path: Path, given: Path | None, *, alone: bool) -> Path:
     """Name of a picture's overlay: in the folder `given` or the usual one; `given` itself for a picture `alone`."""
-    if given is not None and alone and given.suffix.lower() in datasets.PICTURE_SUFFIXES and not given.is_dir():
+    if given is not None and alone and given.suffix.lower() in PICTURE_SUFFIXES and not given.is_dir():
         return given
     return _folder_for(path, given, "output_images") / f"{path.stem}.jpg"
 
@@ -232,5 +234,5 @@ def raw_names(paths: list[Path]) -> list[str]:
 def with_folders(paths: Iterable[Path]) -> Iterator[Path]:
     """Files as they are, folders as the pictures in them in natural order; a folder without any as it is."""
     for path in paths:
-        inside = datasets.pictures_in(path) if os.path.isdir(path) else []  # of a name too long, Path.is_dir raises
+        inside = pictures_in(path) if os.path.isdir(path) else []  # of a name too long, Path.is_dir raises
         yield from inside or [path]

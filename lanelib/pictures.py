@@ -181,9 +181,9 @@ def _read_bytes(path: Path) -> bytes:
         if n_bytes > MAX_FILE_BYTES:
             raise LanelibError(f"{path}: need a picture of at most {MAX_FILE_BYTES >> 20} MB, found {n_bytes >> 20} MB")
         data = path.read_bytes()
+    except LanelibError:
+        raise
     except (OSError, ValueError) as error:
-        if isinstance(error, LanelibError):
-            raise
         reason = getattr(error, "strerror", None) or error
         raise LanelibError(f"{path}: need a picture, found a file that cannot be read: {reason}") from None
     if not data:

@@ -86,11 +86,6 @@ class Rig:
         rows = np.linspace(1 / math.sqrt(far), 1 / math.sqrt(self.near_m), SCAN_ROWS) ** -2
         return Grid(np.arange(-n, n + 1) * SCAN_COLUMN_M, rows)
 
-    def scaled_loosely(self, factor: float) -> Rig:
-        """The rig of planes that are ``factor`` the size, the size rounded down."""
-        w, h = self.size_wh
-        return self.scaled((int(w * factor), int(h * factor)))
-
     def scaled(self, size_wh) -> Rig:
         """The same rig for another resolution of the same camera; LanelibError where the aspect ratio differs."""
         if tuple(size_wh) == tuple(self.size_wh):
@@ -224,7 +219,8 @@ class View:
     def _half_table(self):
         """The first row it needs, and the look-up table from there, for planes of half the size (MPEG-2 siting is half
         a pixel off sideways: 3 mm on the road)."""
-        half = self.rig.scaled_loosely(0.5)
+        width, height = self.rig.size_wh
+        half = self.rig.scaled((width // 2, height // 2))
         pixels, parts = half.birdseye.table(half.camera, self.grid)
         rows = pixels[..., 1]
         first = int(rows[rows >= 0].min(initial=half.size_wh[1] - 1))

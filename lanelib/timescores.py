@@ -1,8 +1,8 @@
-"""How a lane behaves over time: jitter, lag, reset, and how long a wrong one stays."""
+"""How a lane behaves over time: jitter, lag, reset, how long a wrong one stays, and its hardest moments."""
 
 import math
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,6 +68,15 @@ def lag_s(
         return NAN
     spread = [np.std(found[inside] - np.interp(time_s[inside] - d, time_s[known], truth[known])) for d in delays]
     return float(round(delays[int(np.argmin(spread))], 2))
+
+
+def hardest(badness: Sequence[float], *, apart: int, count: int | None = None) -> list[int]:
+    """Indices of the ``count`` worst frames (default: all that are), worst first, no two within ``apart`` frames."""
+    chosen: list[int] = []
+    for i in np.argsort(-np.asarray(badness), kind="stable").tolist():
+        if all(abs(i - j) > apart for j in chosen):
+            chosen.append(i)
+    return chosen[:count]
 
 
 def _reset_s(frames: list[FrameScore], time_s: np.ndarray) -> float:

@@ -7,8 +7,7 @@ from lanelib.errors import LanelibError
 from lanelib.pictures import read_text
 
 FORMAT = "lanelib-truth/1"
-MAX_BYTES = 200_000_000
-"""A larger file is refused: ten times the truth of the longest shipped clips (about 20 kB a frame, 1,000 frames)."""
+MAX_BYTES = 200_000_000  # sixty times the truth of the shipped clips (3 kB a frame, 1,000 frames)
 LARGEST = 1e9  # no picture has so many pixels and no road so many metres
 _NUMBERS = ("curvature_1pm", "offset_m", "lane_width_m")
 _MOUNTING = ("height_m", "pitch_deg", "roll_deg", "yaw_deg")
@@ -64,12 +63,12 @@ def _read(folder: Path) -> tuple[dict, Path]:
     try:
         if path.stat().st_size > MAX_BYTES:
             raise LanelibError(f"{path}: at most {MAX_BYTES} bytes are read, it has {path.stat().st_size}")
-        document = json.loads(read_text(path, max_bytes=MAX_BYTES), parse_constant=_no_constant)
+        document = json.loads(read_text(path, max_bytes=MAX_BYTES), parse_constant=no_constant)
+    except LanelibError:
+        raise
     except OSError as error:
         raise LanelibError(f"{path}: the truth of a folder's pictures is needed: {error.strerror}") from None
     except (ValueError, RecursionError) as error:
-        if isinstance(error, LanelibError):
-            raise
         raise LanelibError(f"{path}: JSON is needed, found something else ({error})") from None
     found = document.get("format") if isinstance(document, dict) else type(document).__name__
     if found != FORMAT:
@@ -77,7 +76,8 @@ def _read(folder: Path) -> tuple[dict, Path]:
     return document, path
 
 
-def _no_constant(text: str) -> float:
+def no_constant(text: str) -> float:
+    """For `json.loads`: NaN and Infinity, which are not JSON, are refused."""
     raise ValueError(f"{text} is not a number")
 
 

@@ -16,6 +16,7 @@ from lanelib.finder import LaneFinder, LaneResult
 from lanelib.outputs import free_name, make_folder
 from lanelib.pictures import read_image, write_image
 from lanelib.scores import FrameScore
+from lanelib.timescores import hardest
 from lanelib.video import read_frames
 
 FOLDERS = {  # stage: notebook and step
@@ -100,15 +101,6 @@ def write_errors(frames: Sequence[FrameScore], folder: Path) -> None:
         worst_first = dict(sorted(errors.items(), key=lambda item: -item[1]))
         figure = figures.bars(worst_first, unit="cm", title="error of the worse line 20 m ahead", digits=1, log=True)
         figures.save(figure, _made(folder / ERRORS) / "pictures.png")
-
-
-def hardest(badness: Sequence[float], *, count: int, apart: int) -> list[int]:
-    """Indices of the ``count`` worst frames, worst first, no two within ``apart`` frames."""
-    chosen: list[int] = []
-    for i in np.argsort(-np.asarray(badness), kind="stable").tolist():
-        if len(chosen) < count and all(abs(i - j) > apart for j in chosen):
-            chosen.append(i)
-    return chosen
 
 
 def _made(folder: Path) -> Path:

@@ -279,7 +279,7 @@ def test_what_the_system_refuses_fails_one_file_only(place, capsys, monkeypatch,
             raise OSError(24, "Too many open files")
         raise LanelibError("and on it goes")
 
-    monkeypatch.setattr(rigs, "probe", lambda path: SimpleNamespace(size_wh=SIZE_WH))
+    monkeypatch.setattr(commands, "probe", lambda path: SimpleNamespace(size_wh=SIZE_WH))
     monkeypatch.setattr(commands, step, second_time)
     names = ["road.png", "road.png"]
     refused(capsys, command, *names, "--rig", "rig.json", "-o", "out", match="Too many open files", lines=3)
@@ -511,7 +511,7 @@ def test_jobs_keep_the_rows_of_what_was_begun(place, clip, capsys, monkeypatch):
         raise LanelibError("stopped")
 
     monkeypatch.setattr(commands, "run_video", one_row)
-    monkeypatch.setattr(rigs, "probe", lambda path: SimpleNamespace(size_wh=SIZE_WH))
+    monkeypatch.setattr(commands, "probe", lambda path: SimpleNamespace(size_wh=SIZE_WH))
     names = ["a.mp4", "b.mp4", "c.mp4"]
     _, err = run("video", *names, "--rig", "rig.json", "--no-video", "--json", "l.jsonl", "--jobs", 2, code=130,
                  capsys=capsys)  # fmt: skip

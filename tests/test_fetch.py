@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from lanelib import fetch as fetching
-from lanelib.download import download, part_of, unpack
+from lanelib.download import download, kept_part, unpack
 from lanelib.errors import LanelibError
 from lanelib.fetch import PackageIndex, Repository, fetch
 
@@ -209,8 +209,8 @@ def test_ctrl_c_says_what_it_leaves(contents, tmp_path):
 
         def bring(self, wanted, root, say):
             if root.name == "begun":
-                part_of(root / VIDEO).parent.mkdir(parents=True)
-                part_of(root / VIDEO).write_bytes(b"half")
+                kept_part(root / VIDEO).parent.mkdir(parents=True)
+                kept_part(root / VIDEO).write_bytes(b"half")
             raise KeyboardInterrupt
 
     for folder, noted in (("untouched", 0), ("begun", 1)):

@@ -22,6 +22,8 @@ sys.path.insert(0, str(TOOLS))  # also when imported by a test
 
 import notebook_source as source  # noqa: E402
 
+from lanelib.pictures import write_bytes  # noqa: E402
+
 ROOT = TOOLS.parent
 BOOKS = ROOT / "notebooks"
 SOURCES, LEARNER = BOOKS / "source", BOOKS / "learner"
@@ -149,10 +151,7 @@ def _write(notebook, path: Path) -> int:
     """Write completely or not at all; returns the size in bytes."""
     nbformat.validate(notebook)
     path.parent.mkdir(exist_ok=True)
-    part = path.with_suffix(".ipynb.part")
-    part.write_text(nbformat.writes(notebook) + "\n", encoding="utf-8", newline="\n")
-    os.replace(part, path)
-    return path.stat().st_size
+    return write_bytes(path, (nbformat.writes(notebook) + "\n").encode()).stat().st_size
 
 
 def _names(paths) -> str:

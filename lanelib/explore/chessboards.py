@@ -16,10 +16,10 @@ from lanelib.draw.marks import line_in_place
 from lanelib.errors import LanelibError
 from lanelib.explore.detection import stacked
 from lanelib.explore.kit import Explorer, button, choice, counter
-from lanelib.explore.look import Look, Reading
+from lanelib.explore.look import PANEL_WIDTH, Look, Reading
 from lanelib.pictures import read_image
 
-PANEL_WIDTH, CHART_H = 462, 130
+CHART_HEIGHT = 130  # px
 
 
 def projected_corners(board: BoardView, calibration: Calibration) -> np.ndarray | None:
@@ -67,7 +67,7 @@ def board_look(calibration: Calibration, number: int, picture: np.ndarray, *, ga
     shown = draw.side_by_side(
         panels, [f"corners; misses {gain:g} times enlarged", "undistorted"], height=panel_wh[1], cap_px=10
     )
-    chart = _errors_chart(calibration, number, (shown.shape[1], CHART_H))
+    chart = _errors_chart(calibration, number, (shown.shape[1], CHART_HEIGHT))
     used = sum(b.used for b in boards)
     readings = (
         Reading("picture", board.name),

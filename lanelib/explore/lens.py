@@ -12,9 +12,8 @@ from lanelib.camera import Camera
 from lanelib.channels import as_bgr
 from lanelib.draw.marks import line_in_place
 from lanelib.explore.kit import Explorer, button, slider, tick
-from lanelib.explore.look import Look, Reading
+from lanelib.explore.look import PANEL_WIDTH, Look, Reading
 
-PANEL_WIDTH = 462  # of each of the two pictures, px
 GRID = 12  # cells of the straight grid across the picture
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")
 

@@ -19,6 +19,7 @@ from lanelib.draw.lettering import wrapped
 
 JPEG_QUALITY = 88  # thin coloured lines stay clean from here on, with full colour resolution
 WIDTH_PX = 960  # of a composed picture: as wide as a notebook's cell in a window of 1200 px
+PANEL_WIDTH = 462  # of each of two pictures side by side, px
 NOTHING = "–"
 WIDE = 22  # letters; a longer value has a row of its own
 

@@ -14,11 +14,10 @@ from lanelib.channels import CHANNELS, as_bgr, in_range
 from lanelib.draw import side_by_side
 from lanelib.explore.chart import histogram_chart
 from lanelib.explore.kit import CONTROL, Explorer, button, choice, counter, tick
-from lanelib.explore.look import WIDTH_PX, Look, Reading
+from lanelib.explore.look import PANEL_WIDTH, WIDTH_PX, Look, Reading
 from lanelib.explore.painttruth import PaintTruth, coloured, paint_truth
 from lanelib.explore.steps import GRADIENTS, SOURCES, STARTS, WAYS, Step, combined, domain, recipe_code
 
-PANEL_WIDTH = 462  # of each of the two pictures, px
 BINS = 256
 
 

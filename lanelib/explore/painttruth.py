@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from lanelib.draw import bgr
 from lanelib.errors import LanelibError
 from lanelib.labels import x_at
 
@@ -70,8 +71,6 @@ def paint_truth(truth, size_wh: tuple[int, int]) -> PaintTruth:
 def coloured(mask: np.ndarray, truth: PaintTruth | None, under_bgr: np.ndarray) -> np.ndarray:
     """A mask over a smaller, darkened copy of the frame: hits green, missed paint blue, false alarms vermillion;
     what is not judged, white. Colours as in ``figures.thresholds``."""
-    from lanelib.draw import bgr
-
     on, size_wh = mask != 0, (under_bgr.shape[1], under_bgr.shape[0])
     layers = [(on, "text")]
     if truth is not None:

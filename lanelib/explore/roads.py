@@ -15,6 +15,7 @@ from lanelib.explore.detection import lane_readings, stacked
 from lanelib.explore.kit import Explorer, button, choice, counter, slider, tick
 from lanelib.explore.look import Look, Reading
 from lanelib.finder import LaneFinder
+from lanelib.jointfit import PITCH
 from lanelib.rig import Rig
 from lanelib.road import CarPose, Marking, Mounting, Road
 from lanelib.scores import frame_score
@@ -24,6 +25,7 @@ SIZE_WH = (480, 270)  # 30 ms a picture; the finder looks at 301 x 112 points of
 LANE_M = 3.66
 SHADE_M = ((8.0, 26.0),)
 CONCRETE_M = ((15.0, 60.0),)
+GRID = Grid.uniform(x_range_m=(-6, 6), y_range_m=(3, 43), size_wh=(240, 360))  # of the view from above
 
 
 def scene_of(
@@ -84,22 +86,21 @@ def simulator_look(*, recipe: str = threshold.DEFAULT_RECIPE, **state) -> Look:
     finder = _finder(recipe)
     result = finder.process(frame)
     view = finder.view(SIZE_WH)
-    grid = Grid.uniform(x_range_m=(-6, 6), y_range_m=(3, 43), size_wh=(240, 360))
     above = cv2.remap(frame, *_table(), cv2.INTER_LINEAR)
     # on the rig's flat plane the true lines lie where the nodding camera shows them
     nodding = view.rig.birdseye.pitched(view.rig.camera, np.deg2rad(state.get("pitch_deg", 0.0)))
     for line in truth["lanes_road_m"]:
         ahead = np.array([(x, y) for x, y in line if y > 2])
         on = view.rig.birdseye.road_from_points(nodding.points_from_road(ahead))
-        above = draw.draw_line(above, pixels_of_road(grid, on[(on[:, 1] > 0) & (on[:, 1] < 60)]), "text", width_px=3)
-    above = draw.birdseye(above, grid, lane=result.lane)
+        above = draw.draw_line(above, pixels_of_road(GRID, on[(on[:, 1] > 0) & (on[:, 1] < 60)]), "text", width_px=3)
+    above = draw.birdseye(above, GRID, lane=result.lane)
     large = cv2.resize(draw.overlay(frame, result, text=False), (640, 360), interpolation=cv2.INTER_CUBIC)
     picture = draw.side_by_side([large, above], ["lane as found", "from above; truth in white"], height=360, cap_px=10)
     score = frame_score(truth, result.to_row("simulated") if result else None, view.rig.camera)
     errors = np.concatenate(score.errors_px) if score.errors_px else np.empty(0)
     errors = errors[np.isfinite(errors)]
     centre = 100 * np.abs(score.lateral_m).mean(axis=0)
-    pitch = float(np.rad2deg(result.fit.mean[5])) if result.fit is not None else None
+    pitch = float(np.rad2deg(result.fit.mean[PITCH])) if result.fit is not None else None
     readings = [
         *lane_readings(result, truth),
         Reading("nod of the car", pitch, "°", 2, state.get("pitch_deg", 0.0), signed=True),
@@ -114,7 +115,7 @@ def simulator_look(*, recipe: str = threshold.DEFAULT_RECIPE, **state) -> Look:
 @lru_cache(maxsize=1)
 def _table():
     rig = simulated_rig()
-    return rig.birdseye.table(rig.camera, Grid.uniform(x_range_m=(-6, 6), y_range_m=(3, 43), size_wh=(240, 360)))
+    return rig.birdseye.table(rig.camera, GRID)
 
 
 def simulator(**start) -> Explorer:

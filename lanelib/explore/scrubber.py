@@ -23,6 +23,7 @@ from lanelib.result import LaneResult
 from lanelib.rig import Rig
 from lanelib.scores import frame_score
 from lanelib.stages import NAMES, diagnostic, stages
+from lanelib.timescores import hardest
 from lanelib.video import read_frames
 
 STAGES = ("lane", "diagnostic", *(name for name in NAMES if name != "lane"))
@@ -63,11 +64,7 @@ class Clip:
     @cached_property
     def worst(self) -> list[int]:
         """Frames from the worst on, no two within the same half second."""
-        order: list[int] = []
-        for i in np.argsort(-self.badness, kind="stable").tolist():
-            if all(abs(i - j) > NEIGHBOURS for j in order):
-                order.append(i)
-        return order
+        return hardest(self.badness.tolist(), apart=NEIGHBOURS)
 
 
 def badness_of(result: LaneResult, truth: Mapping | None, camera) -> float:

@@ -14,7 +14,7 @@ from lanelib.evaluate import lag_s
 from lanelib.explore.chart import Curve, line_chart
 from lanelib.explore.kit import Explorer, choice, counter, slider
 from lanelib.explore.look import WIDTH_PX, Look, Reading
-from lanelib.jointfit import RATE, UNKNOWN_ROAD, JointFit, Prior, line_x, rate_std
+from lanelib.jointfit import CENTRE, RATE, UNKNOWN_ROAD, JointFit, Prior, line_x, rate_std
 from lanelib.tracking import HOLD_FRAMES, SMOOTHING, STEP_STD, LaneTracker
 
 FPS = 25.0
@@ -85,8 +85,8 @@ def with_losses(fits: Sequence[JointFit | None], *, lost: int, noise_m: float, s
             harder.append(None)
             continue
         mean, covariance = fit.mean.copy(), fit.covariance.copy()
-        mean[0] += shake
-        covariance[0, 0] += noise_m**2
+        mean[CENTRE] += shake
+        covariance[CENTRE, CENTRE] += noise_m**2
         harder.append(replace(fit, mean=mean, covariance=covariance))
     return harder
 

@@ -10,9 +10,7 @@ from matplotlib.figure import Figure
 
 from lanelib.camera import Camera
 from lanelib.draw import PALETTE, SERIES
-from lanelib.figures.style import INK, WIDTH_IN, in_style
-
-LINE_STYLES = ("-", "--", "-.", ":")
+from lanelib.figures.style import DASHES, INK, LINE_STYLES, WIDTH_IN, in_style
 
 
 @in_style
@@ -70,7 +68,7 @@ def against_truth(camera: Camera, true: Camera) -> Figure:
     error = [camera.camera_matrix[at] - true.camera_matrix[at] for at in where]
     bars = [2 * (camera.std or {}).get(name, np.nan) for name in names]
     a.errorbar(error, names, xerr=bars, fmt="o", color=PALETTE["estimate"], ecolor=INK, capsize=4, markersize=7)
-    a.axvline(0, color=PALETTE["truth"], linestyle=(0, (5, 3)), linewidth=1.2)
+    a.axvline(0, color=PALETTE["truth"], linestyle=DASHES, linewidth=1.2)
     a.invert_yaxis()
     a.margins(y=0.2)
     a.set(xlabel="calibrated minus true, px (bars: ± 2 standard deviations)", title="nine numbers, four of them here")

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from lanelib.birdseye import BirdsEye
 from lanelib.draw import PALETTE, SERIES
-from lanelib.figures.style import INK, WIDTH_IN, extent_of, in_style, put_picture
+from lanelib.figures.style import DASHES, INK, WIDTH_IN, extent_of, in_style, put_picture
 
 
 @in_style
@@ -20,7 +20,7 @@ def from_the_side(height_m: float, distances_m: Sequence[float] = (6, 12, 30)) -
     figure, a = plt.subplots(figsize=(WIDTH_IN, 2.7), layout="constrained")
     plane = 4.0
     a.axhline(0, color=INK, linewidth=1.5)
-    a.plot([0, 34], [height_m, height_m], color=PALETTE["truth"], linestyle=(0, (5, 3)), linewidth=1.1)
+    a.plot([0, 34], [height_m, height_m], color=PALETTE["truth"], linestyle=DASHES, linewidth=1.1)
     a.annotate("to the horizon: never meets the road", (34, height_m), ha="right", xytext=(0, 4),
                textcoords="offset points")  # fmt: skip
     a.plot([plane, plane], [0.05, height_m + 0.1], color=PALETTE["accent"], linewidth=3)
@@ -51,7 +51,7 @@ def along_line(rulers: Mapping[str, Sequence[float]], brightness: Sequence[float
         middles = dash_middles(y, brightness)
         if len(middles):
             for line in middles[0] + period_m * np.arange(0, 4):
-                a.axvline(line, color=PALETTE["truth"], linestyle=(0, (5, 3)), linewidth=1.1)
+                a.axvline(line, color=PALETTE["truth"], linestyle=DASHES, linewidth=1.1)
         a.plot(middles, np.full(len(middles), 60), "^", color=PALETTE["none"], markersize=8, clip_on=False)
         a.set(ylabel="brightness", xlim=(4, 45), ylim=(50, 265))
         a.set_title(name, fontsize=9.5)
@@ -86,7 +86,7 @@ def views(undistorted: np.ndarray, by_name: Mapping[str, BirdsEye], lines_m: Seq
     for a, (name, view) in zip(np.atleast_1d(axes), by_name.items(), strict=True):
         put_picture(a, view.warp(undistorted), name, extent_of(view.grid))
         for x in lines_m:
-            reference = a.axvline(x, color=PALETTE["trapezoid"], linestyle=(0, (5, 3)), linewidth=1)
+            reference = a.axvline(x, color=PALETTE["trapezoid"], linestyle=DASHES, linewidth=1)
         a.set(xlabel="x, m")
         a.grid(color="white", alpha=0.2)
         a.set_axisbelow(False)
@@ -108,9 +108,9 @@ def hill(height_m: float, *, change: float = 0.02, at_m: float = 15.0, far_m: fl
         a.plot(y, z, color=colour, linestyle=style, label=name)
         b.plot(y, y * height_m / (height_m - z), color=colour, linestyle=style, label=name)
     a.plot(0, height_m, "s", color=INK, markersize=9)
-    a.axhline(0, color=PALETTE["truth"], linestyle=(0, (5, 3)), linewidth=1)
+    a.axhline(0, color=PALETTE["truth"], linestyle=DASHES, linewidth=1)
     a.set(xlabel="distance ahead, m", ylabel="height of the road, m", title="the road from the side")
-    b.plot(y, y, color=PALETTE["truth"], linestyle=(0, (5, 3)), linewidth=1, label="flat")
+    b.plot(y, y, color=PALETTE["truth"], linestyle=DASHES, linewidth=1, label="flat")
     b.set(xlabel="true distance, m", ylabel="distance measured, m", ylim=(0, 100),
           title="what the flat road makes of it")  # fmt: skip
     b.legend()

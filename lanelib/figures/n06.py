@@ -11,9 +11,7 @@ from matplotlib.figure import Figure
 
 from lanelib import draw
 from lanelib.draw import PALETTE, SERIES
-from lanelib.figures.style import INK, WIDTH_IN, in_style, picture_grid, put_picture, small_picture
-
-LINE_STYLES = ("-", "--", "-.", ":")
+from lanelib.figures.style import INK, LINE_STYLES, WIDTH_IN, in_style, picture_grid, put_picture, small_picture
 
 
 def with_truth(frame_bgr: np.ndarray, result, truth: Mapping) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lanelib.draw import PALETTE, SERIES
-from lanelib.figures.style import INK, WIDTH_IN, in_style
+from lanelib.figures.style import DASHES, INK, WIDTH_IN, in_style
 from lanelib.names import natural_key
 
 
@@ -83,7 +83,7 @@ def over_time(
                 seconds(truth),
                 series(truth, key, factor),
                 color=PALETTE["truth"],
-                linestyle=(0, (5, 3)),
+                linestyle=DASHES,
                 linewidth=1.1,
                 label="truth",
             )
@@ -176,7 +176,7 @@ def curves(
     figure, a = plt.subplots(figsize=(7.5, 3.6), layout="constrained")
     for name, y in series.items():
         style: dict[str, Any] = {"color": colours[name]} if colours and name in colours else {}
-        style = {"color": PALETTE["truth"], "linestyle": (0, (5, 3))} if name == truth else style
+        style = {"color": PALETTE["truth"], "linestyle": DASHES} if name == truth else style
         a.plot(x, y, marker="o" if markers and name != truth else None, markersize=4, label=name, **style)
     a.set(
         xlabel=xlabel,

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lanelib.draw import PALETTE, SERIES
-from lanelib.figures.style import INK, WIDTH_IN, extent_of, in_style, put_picture, rgb
+from lanelib.figures.style import DASHES, INK, WIDTH_IN, extent_of, in_style, put_picture, rgb
 from lanelib.search import find_peaks, histogram
 
 
@@ -104,7 +104,7 @@ def fit(
         a.plot(
             *_up_to(np.asarray(xy, float), y_max_m).T,  # what is not shown must not widen the axis
             color=PALETTE["truth"],
-            linestyle=(0, (5, 3)),
+            linestyle=DASHES,
             linewidth=1.2,
             label="truth" if i == 0 else None,
         )

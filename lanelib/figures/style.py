@@ -23,6 +23,8 @@ from lanelib.pictures import write_bytes
 
 WIDTH_IN = 10.0  # what a notebook shows without scaling, at 100 dots an inch
 INK, SOFT = "#22272e", "#6b7480"
+DASHES: Any = (0, (5, 3))  # of the truth, and of what else is held against: lengths in line widths
+LINE_STYLES = ("-", "--", "-.", ":")  # beside colours, for those who cannot tell them apart
 STYLE: Any = {
     "figure.dpi": 100,
     "savefig.dpi": 100,
