@@ -21,7 +21,7 @@ from lanelib.rig import SCAN_COLUMN_M, Rig
 DASH_PERIODS_M = {"California": 14.63, "federal": 12.19}
 DASH_NEAR = 0.11  # relative: a period further from both is of another norm, or the scale is quite wrong
 DASH_RANGE_M = (5.0, 45.0)  # three periods; beyond, a pixel is longer than a third of a dash
-DASH_PERIODS_TRIED_M = (7.5, 22.0)  # of the world's roads: 8-18 m, and focal lengths guessed 20 % wrong
+DASH_PERIODS_TRIED_M = (7.5, 22.0)  # the world's roads have 8-18 m; 22 where the focal length is guessed 20 % too long
 DASH_SYSTEMATIC = 0.015  # relative: what blur, slope and the few periods in view leave, on roads of known truth
 DASH_CORRELATION = 0.6  # of a profile with a square wave; broken solid lines reach less
 # the fit's distances are along the car's axis: at 40 m of such a curve 0.2 % short of the road's

@@ -24,7 +24,7 @@ def fold_radius(coefficients: np.ndarray) -> float:
     k1, k2, _, _, k3 = coefficients
     # d/dr (r + k1 r^3 + k2 r^5 + k3 r^7) = 1 + 3 k1 s + 5 k2 s^2 + 7 k3 s^3 with s = r^2
     slope = np.array([7 * k3, 5 * k2, 3 * k1, 1.0])
-    roots = np.roots(np.where(np.abs(slope) < 1e-12, 0, slope))  # so small a term folds nothing within r = 1000
+    roots = np.roots(np.where(np.abs(slope) < 1e-12, 0, slope))  # so small a term folds nothing within r = 100
     s = roots[(np.abs(roots.imag) < 1e-9 * (1 + np.abs(roots))) & (roots.real > 0)].real
     return math.sqrt(s.min()) if s.size else math.inf
 
@@ -38,7 +38,7 @@ def distort(xy: np.ndarray, coefficients: np.ndarray, *, r_max: float = math.inf
 def undistort(xy_d: np.ndarray, coefficients: np.ndarray, *, r_max: float = math.inf) -> np.ndarray:
     """The inverse of `distort`, (N, 2), by Newton's method; NaN where no point within `r_max` leads there.
 
-    (OpenCV's `undistortPoints` stops after five fixed-point steps: 0.5 px off in the corners of a dashboard camera.)
+    (OpenCV's `undistortPoints` stops after five fixed-point steps: 1.5 px off in a corner of the shipped camera.)
     """
     xy = np.array(xy_d, dtype=np.float64)  # a start short of the root for a barrel, beyond it for a pincushion
     with np.errstate(all="ignore"):  # points without a solution may run away; they are dropped at the end

@@ -38,7 +38,7 @@ MAX_CONNECTIONS = 2 * MAX_VIEWERS
 class MjpegServer:
     """Serves the frame last published until closed; a context manager. `url` is the page's address.
 
-    `quality` is that of the JPEGs (80: no visible blocks, about 150 kB at 1280x720). A frame is encoded only when
+    `quality` is that of the JPEGs (80: no visible blocks, about 100 kB at 1280x720). A frame is encoded only when
     somebody looks. Raises LanelibError when the address cannot be had.
     """
 

@@ -280,7 +280,7 @@ def frame_truth(road: Road, pose: CarPose, mounting: Mounting, camera_matrix: np
     if left is None or right is None:
         return truth
     rows = np.array(truth["h_samples"], float)
-    # equal steps in 1 / distance are equal steps in rows, about four a pixel; from 1.5 m on to a few centimetres
+    # equal steps in 1 / distance are equal steps in rows, about three a pixel; from 1.5 m on to a few centimetres
     # before the foot of the camera, which only one that looks down steeply sees, in equal ratios
     ahead = np.append(np.geomspace(0.05, 1.5, h, endpoint=False), 1 / np.linspace(1 / 1.5, 1 / range_m, 4 * h))
     x_at_car = []

@@ -127,7 +127,7 @@ LENGTH_MIN = 0.10  # of its rows below the horizon = of its distance: 0.8 m of p
 
 
 def stripe_widths(rows: int, *, horizon_row: float | None = None, paint_slope: float = PAINT_SLOPE) -> np.ndarray:
-    """Width of paint in pixels for each of `rows` rows, (rows,) int; 0 at and above the horizon.
+    """Width of paint in pixels for each of `rows` rows, (rows,) int; 0 next to the horizon and above it.
 
     On a flat road the scale of row v is (v - horizon) / camera height, so widths grow linearly with the rows below the
     horizon. They are odd, so that a box of that width has a middle and nothing is shifted by half a pixel.
@@ -135,7 +135,7 @@ def stripe_widths(rows: int, *, horizon_row: float | None = None, paint_slope: f
     horizon_row = HORIZON_FRACTION * rows if horizon_row is None else horizon_row
     below = np.arange(rows) - horizon_row
     widths = np.maximum(2 * np.floor(paint_slope * below / 2).astype(int) + 1, WIDTH_MIN_PX)
-    return np.where(below > 0.01 * rows, widths, 0)  # the last 1 % of rows below the horizon hold only haze
+    return np.where(below > 0.01 * rows, widths, 0)  # next to the horizon, in 1 % of the height, there is only haze
 
 
 def bands(widths: np.ndarray) -> Iterator[tuple[int, slice]]:

@@ -21,11 +21,11 @@ from lanelib.jointfit import UNKNOWN_ROAD, WIDTH
 from lanelib.paint import PAINT_WIDTH_M, paint_channels, ridge_response, weight_of
 
 VOTE_WIDTH_PX = 640  # the vote's picture: paint is still 2 px wide where the vote needs it
-PAINT_WIDTHS_PX = (3, 7)  # each also tries 2.3 times its width (see ``paint``): 3-16 px of 640, far to near
+PAINT_WIDTHS_PX = (3, 7)  # each also tries a stripe over twice as wide (see ``paint``): 3-15 px of 640, far to near
 VOTE_POINTS = 2500  # the strongest paint points of a frame that vote
 HORIZON_ROWS = (0.10, 0.65)  # of the height, from a camera that looks steeply down to one that looks up
 VANISHING_COLUMNS = (0.15, 0.85)  # of the width: a yaw of 20 degrees
-VOTE_STEP = 0.0125  # of height and width: half the slope bin for a point in the middle of the road
+VOTE_STEP = 0.0125  # of height and width: half a step moves slopes half way down the road by less than a bin
 SLOPE_BIN, SLOPE_REACH = 0.06, 4.5  # 7 cm of road for a camera at 1.2 m; lines leave most pictures at 4
 # cars 1.1-1.7 m, lorries to 2.8 m: log-normal, so that half the lane or two lanes lose
 USUAL_HEIGHT_M, HEIGHT_SPREAD = 1.4, 0.35
