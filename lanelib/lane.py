@@ -61,8 +61,7 @@ class Line:
 
     @cached_property
     def _derivatives(self) -> tuple[list[float], list[float], list[float]]:
-        """Coefficients of x, dx/dy and d2x/dy2 as plain floats: Horner's rule on them is quick for single
-        distances."""
+        """Coefficients of x, dx/dy and d2x/dy2, as plain floats: at one distance Horner's rule is quick on them."""
         x = self.coefficients.tolist()
         slope = [c * p for c, p in zip(x[:-1], range(len(x) - 1, 0, -1), strict=True)]
         bend = [c * p for c, p in zip(slope[:-1], range(len(slope) - 1, 0, -1), strict=True)]
@@ -152,13 +151,7 @@ def fit_line(x_m, y_m, weights=None, *, order: int = 2, robust: bool = True) -> 
 
     weight = w
     if robust:
-        rng = np.random.default_rng(0)
-        best, best_cost = solve(w)[1], math.inf
-        picks = [rng.choice(len(x), min(len(x), order + 1), replace=False, p=w / w.sum()) for _ in range(TRIES)]
-        for candidate in [best] + [np.linalg.lstsq(design[p], x[p], rcond=1e-9)[0] for p in picks]:
-            cost = float(np.sum(w * np.minimum(np.abs(x - design @ candidate), 4 * PAINT_M)))
-            if cost < best_cost:
-                best, best_cost = candidate, cost
+        best = _best_of_few(design, x, w, start=solve(w)[1])
         for _ in range(ITERATIONS):
             residual = x - design @ best
             spread = max(PAINT_M, 1.4826 * float(np.median(np.abs(residual))))
@@ -182,6 +175,17 @@ def fit_line(x_m, y_m, weights=None, *, order: int = 2, robust: bool = True) -> 
     )
 
 
+def _best_of_few(design: np.ndarray, x: np.ndarray, w: np.ndarray, *, start: np.ndarray) -> np.ndarray:
+    """The best of ``start`` and ``TRIES`` polynomials through random points, as few as each needs.
+
+    Judged by the weighted absolute residuals of all points, beyond 4 ``PAINT_M`` all alike.
+    """
+    rng, n = np.random.default_rng(0), design.shape[1]
+    picks = [rng.choice(len(x), min(len(x), n), replace=False, p=w / w.sum()) for _ in range(TRIES)]
+    candidates = [start, *(np.linalg.lstsq(design[few], x[few], rcond=1e-9)[0] for few in picks)]
+    return min(candidates, key=lambda c: float(np.sum(w * np.minimum(np.abs(x - design @ c), 4 * PAINT_M))))
+
+
 @dataclass(frozen=True)
 class Surface:
     """How the road departs from the flat plane that the rig assumes: the car's nod, and a hill.
@@ -199,10 +203,10 @@ class Surface:
     bend_1pm: float = 0.0
 
     def flat_from_road(self, points_m: np.ndarray, *, known_to_m: float = math.inf) -> np.ndarray:
-        """Points (N, 2) of the real road to where they appear on the rig's flat plane; NaN beyond its horizon and
-        from the camera backwards.
+        """Points (N, 2) of the real road to where they appear on the rig's flat plane.
 
-        Beyond ``known_to_m`` the hill is not continued: the sight line keeps the slope it has there.
+        NaN beyond the plane's horizon, and from the camera backwards. Beyond ``known_to_m`` the hill is not continued:
+        the sight line keeps the slope it has there.
         """
         x, y = np.asarray(points_m, float).reshape(-1, 2).T
         y = np.where(y > 0, y, np.nan)
@@ -213,8 +217,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class Here:
-    """The road at the car, seen when it lay ahead: signed curvature of the lane's centre, and the car's offset with
-    it."""
+    """The road at the car, as it was seen when it lay ahead: signed curvature of the lane's centre, and the offset."""
 
     curvature_1pm: float
     offset_m: float
@@ -222,8 +225,10 @@ class Here:
 
 @dataclass(frozen=True, eq=False)
 class Lane:
-    """The ego lane: two lines and the surface they lie on. ``here``: what earlier frames knew of the road at the car
-    (``roadmemory``); None where only this frame speaks."""
+    """The ego lane: two lines and the surface they lie on.
+
+    ``here``: what earlier frames knew of the road at the car (``roadmemory``); None where only this frame speaks.
+    """
 
     left: Line
     right: Line
@@ -250,8 +255,7 @@ class Lane:
 
     @property
     def radius_m(self) -> float:
-        """Radius of curvature at the car in metres; ``inf`` where straight or where it cannot be told from
-        straight."""
+        """Radius of curvature at the car in metres; ``inf`` where it is straight or cannot be told from straight."""
         if abs(self.curvature_1pm) < self.std.get("curvature_1pm", 0.0):
             return math.inf
         return radius_of(self.curvature_1pm)
@@ -288,8 +292,10 @@ class Limits:
 
 @dataclass(frozen=True)
 class Check:
-    """One sanity check: its name, what was found, what was allowed, and the outcome. ``words`` say the finding, with a
-    place for the value, in a sentence about the lane."""
+    """One sanity check: its name, what was found, what was allowed, and the outcome.
+
+    ``words`` say the finding in a sentence about the lane, with a place for the value.
+    """
 
     name: str
     value: float

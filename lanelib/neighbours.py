@@ -28,6 +28,7 @@ from lanelib.straighten import FAR_M, Paint, Straightened, paint_of, straightene
 
 MOST_LANES = 2  # on each side: the line beyond those is seen only where it is far away
 LEAST_FAR_M = 25.0  # looked at even where the ego lane was seen less far: nearer, a neighbour is hardly in the frame
+BOTH_SIDES = ((0, -1), (1, 1))  # place in pairs, and sign across the road
 SIMILAR = (0.78, 1.3)  # a lane's width to the ego lane's; shoulders (2.4 m of 3.7) and cycle lanes are narrower
 STEP_M = 0.05  # between offsets tried: a third of a line's width
 # dx/dy tried. Parallel lines are tilted by d times what the ego lane leaves open of the car's nod, over the camera's
@@ -103,10 +104,11 @@ def find_neighbours(frame: np.ndarray, view: View, fit: JointFit, *, lanes: int 
     if len(road.y_m) < 2 * MINIMUM_ROWS:
         return ()
     paint = paint_of(frame, road, view.focal_px)
-    own = [stripe_across(paint, np.full(len(road.y_m), s * half), fit.support[i, -len(road.y_m) :]) for i, s in SIDES]
+    support = fit.support[:, -len(road.y_m) :]
+    own = [stripe_across(paint, np.full(len(road.y_m), side * half), support[i]) for i, side in BOTH_SIDES]
     contrast = max(LEAST_CONTRAST, CONTRAST_SHARE * max(stripe.contrast for stripe in own))
     found = []
-    for i, side in SIDES:
+    for i, side in BOTH_SIDES:
         # of a double line the outer one; the fit follows the middle of both
         inner, colour = half + fit.inward_m[i], own[i].colour
         for place in range(1, lanes + 1):
@@ -118,9 +120,6 @@ def find_neighbours(frame: np.ndarray, view: View, fit: JointFit, *, lanes: int 
             found.append(_neighbour(boundary, side, place, inner, colour, road, fit))
             inner, colour = inner + boundary.offset_m, boundary.colour
     return tuple(found)
-
-
-SIDES = ((0, -1), (1, 1))
 
 
 # ---------------------------------------------------------------------------------------------- is it a boundary?
@@ -202,7 +201,10 @@ class Stripe:
     colour: str = "white"
 
 
-ACROSS_M = np.arange(-32, 33) * 0.025  # the widest stripe and the ground on both sides
+ACROSS_STEP_M = 0.025
+ACROSS_M = np.arange(-32, 33) * ACROSS_STEP_M  # the widest stripe and the ground on both sides
+MIDDLE = slice(24, 41)  # of these samples: within 0.2 m of the line
+EDGE = 3  # samples: the blurred edges of the paint are left out
 
 
 def stripe_across(paint: Paint, d_m: np.ndarray, weight: np.ndarray) -> Stripe:
@@ -216,17 +218,17 @@ def stripe_across(paint: Paint, d_m: np.ndarray, weight: np.ndarray) -> Stripe:
         for channel in (paint.brightness, paint.yellow)
     )
     both = bright + yellow
-    top = 24 + int(np.argmax(both[24:41]))  # within 0.2 m of the line
+    top = MIDDLE.start + int(np.argmax(both[MIDDLE]))
     above = both > (both[top] + np.median(both)) / 2
     left = top - int(np.argmin(above[top::-1])) + 1 if not above[: top + 1].all() else 0
     right = top + int(np.argmin(above[top:])) - 1 if not above[top:].all() else len(both) - 1
-    n, gap = round(SIDE_M / 0.025), 3  # the blurred edges of the paint are left out
-    sides = [np.r_[max(left - gap - n, 0) : max(left - gap, 1)], np.r_[right + gap + 1 : right + gap + n + 1]]
-    sides[1] = np.minimum(sides[1], len(both) - 1)
+    n = round(SIDE_M / ACROSS_STEP_M)
+    beyond = np.arange(right + EDGE + 1, right + EDGE + n + 1)
+    sides = np.arange(max(left - EDGE - n, 0), max(left - EDGE, 1)), np.minimum(beyond, len(both) - 1)
     ground = [both[s].mean() for s in sides]
     more = [max(c[top] - np.mean([c[s].mean() for s in sides]), 0.0) for c in (yellow, bright)]
     colour = "yellow" if more[0] > YELLOW_SHARE * max(sum(more), 1e-6) else "white"
-    return Stripe(0.025 * (right - left + 1), both[top] - max(ground), abs(ground[0] - ground[1]), colour)
+    return Stripe(ACROSS_STEP_M * (right - left + 1), both[top] - max(ground), abs(ground[0] - ground[1]), colour)
 
 
 def _neighbour(

@@ -283,24 +283,10 @@ def frame_truth(road: Road, pose: CarPose, mounting: Mounting, camera_matrix: np
     # equal steps in 1 / distance are equal steps in rows, about three a pixel; from 1.5 m on to a few centimetres
     # before the foot of the camera, which only one that looks down steeply sees, in equal ratios
     ahead = np.append(np.geomspace(0.05, 1.5, h, endpoint=False), 1 / np.linspace(1 / 1.5, 1 / range_m, 4 * h))
-    x_at_car = []
+    s, x_at_car = pose.s_m + ahead, []
     for marking in (left, right):
-        s = pose.s_m + ahead
-        points = line_in_car_axes(road, pose, marking.d_m, s)
-        uv = project(points, mounting, camera_matrix, distortion)
-        ok = np.isfinite(uv[:, 1])
-        if not ok[h:].any():
-            raise LanelibError("needed a camera that sees the road, got one that sees none of it: check the mounting")
-        uv, s_ok, nearer = uv[ok], s[ok], int(ok[:h].sum())
-        lowest = nearer + int(np.argmax(uv[nearer:, 1]))
-        back = np.flatnonzero(np.diff(uv[: lowest + 1, 1]) >= 0)  # nearer than that the lens bends the rows back
-        start = back[-1] + 1 if len(back) else 0
-        uv, s_ok = uv[start:], s_ok[start:]
-        over = np.flatnonzero(np.diff(uv[:, 1]) >= 0)  # behind a crest the line comes down again: out of sight
-        n = over[0] + 1 if len(over) else len(uv)
-        u, v, s_ok = uv[:n, 0][::-1], uv[:n, 1][::-1], s_ok[:n][::-1]  # far to near: rows increase
-        u_row = np.interp(rows, v, u, left=np.nan, right=np.nan)
-        s_row = np.interp(rows, v, s_ok, left=np.nan, right=np.nan)
+        uv = project(line_in_car_axes(road, pose, marking.d_m, s), mounting, camera_matrix, distortion)
+        u_row, s_row = _at_rows(rows, uv, s, n_near=h)
         seen = (u_row > -0.5) & (u_row < w - 0.5)
         paint = np.zeros(len(rows), bool)
         paint[seen] = marking.painted(s_row[seen])
@@ -322,3 +308,22 @@ def frame_truth(road: Road, pose: CarPose, mounting: Mounting, camera_matrix: np
     truth["lane_width_m"] = round(right.d_m - left.d_m, 6)
     truth["heading_rad"] = round(float(pose.heading_rad), 8)
     return truth
+
+
+def _at_rows(rows: np.ndarray, uv: np.ndarray, s_m: np.ndarray, *, n_near: int) -> tuple[np.ndarray, np.ndarray]:
+    """Column and station, (rows,) each, of a line where it crosses rows of the frame; NaN where it is not in sight.
+
+    uv (n, 2): its pixels at the stations s_m (n,), near to far; the first n_near are seen only by looking down steeply.
+    """
+    ok = np.isfinite(uv[:, 1])
+    if not ok[n_near:].any():
+        raise LanelibError("needed a camera that sees the road, got one that sees none of it: check the mounting")
+    uv, s_m, nearer = uv[ok], s_m[ok], int(ok[:n_near].sum())
+    lowest = nearer + int(np.argmax(uv[nearer:, 1]))
+    back = np.flatnonzero(np.diff(uv[: lowest + 1, 1]) >= 0)  # nearer than that the lens bends the rows back
+    start = back[-1] + 1 if len(back) else 0
+    uv, s_m = uv[start:], s_m[start:]
+    over = np.flatnonzero(np.diff(uv[:, 1]) >= 0)  # behind a crest the line comes down again: out of sight
+    n = over[0] + 1 if len(over) else len(uv)
+    u, v, s_m = uv[:n, 0][::-1], uv[:n, 1][::-1], s_m[:n][::-1]  # far to near: rows increase
+    return np.interp(rows, v, u, left=np.nan, right=np.nan), np.interp(rows, v, s_m, left=np.nan, right=np.nan)
