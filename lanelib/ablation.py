@@ -63,8 +63,10 @@ class FlatRoadFinder(LaneFinder):
 
 @dataclass(frozen=True)
 class Variant:
-    """A way to build the finder. ``options``: of `LaneFinder`; ``flat``: without pitch and hill; ``idea``: what it
-    adds to the one before, in words."""
+    """A way to build the finder.
+
+    ``options``: of `LaneFinder`; ``flat``: without pitch and hill; ``idea``: what it adds to the one before, in words.
+    """
 
     name: str
     idea: str

@@ -128,8 +128,7 @@ class BirdsEye:
     """The road plane as one camera sees it.
 
     ``road_from_image``: (3, 3), undistorted pixels (u, v, 1) to road metres (x, y, 1), scaled so that the third
-    coordinate is positive below the horizon. ``size_wh`` is the size of the picture, ``grid`` what is shown of the
-    road.
+    coordinate is positive below the horizon. ``size_wh``: of the picture. ``grid``: what is shown of the road.
     """
 
     road_from_image: np.ndarray
@@ -157,8 +156,7 @@ class BirdsEye:
     def from_mounting(
         cls, camera: Camera, *, height_m, pitch_deg=0.0, yaw_deg=0.0, roll_deg=0.0, grid=None
     ) -> BirdsEye:
-        """From the camera matrix and where the camera sits: ``height_m`` above a flat road, looking along three
-        angles."""
+        """From the camera matrix and the mounting: ``height_m`` above a flat road, turned by three angles."""
         if not 0 < height_m < math.inf:
             raise LanelibError(f"a camera's height above the road must be positive metres, found {height_m}")
         if not all(map(math.isfinite, (pitch_deg, yaw_deg, roll_deg))):
@@ -251,8 +249,10 @@ class BirdsEye:
         return float(-(a * (self.size_wh[0] - 1) / 2 + c) / b)
 
     def mounting(self, camera: Camera) -> dict:
-        """height_m, pitch_deg, yaw_deg, roll_deg of the camera that sees the road like this; LanelibError where no
-        camera does."""
+        """height_m, pitch_deg, yaw_deg and roll_deg of the camera that sees the road like this.
+
+        Raises LanelibError where no camera does.
+        """
         with np.errstate(all="ignore"):
             a = np.linalg.inv(camera.camera_matrix) @ self.image_from_road
             a = a / np.abs(a).max()  # its size means nothing; squares of 1e200 would overflow
@@ -292,8 +292,10 @@ class BirdsEye:
         return replace(self, road_from_image=self.road_from_image @ here, size_wh=size_wh)
 
     def parallelism(self, left_px, right_px) -> float:
-        """How much wider (m) the lane gets over 30 m, between two undistorted lines (N, 2): 0 for straight
-        parallel lines, NaN where the road shows less than two points of one."""
+        """How much wider (m) the lane between two undistorted lines (N, 2) gets over 30 m: 0 where it is straight.
+
+        NaN where fewer than two points of a line are on the road.
+        """
         slopes = []
         for points in (left_px, right_px):
             x, y = self.road_from_points(points).T

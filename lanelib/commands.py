@@ -69,8 +69,7 @@ def calibrate(args: argparse.Namespace, console: Console) -> int:
 
 
 def calibration_report(found) -> Iterator[str]:
-    """Lines about a `calibration.Calibration`: every board, the overall error, the intrinsics and their
-    deviations."""
+    """Lines about a `calibration.Calibration`: every board, the error of all, the intrinsics with their deviations."""
     from lanelib.evaluate import table
 
     rows = [["picture", "corners", "rms px", "used", "remark"]]

@@ -30,8 +30,7 @@ DASH_CURVED_1PM = 1 / 400
 
 @dataclass(frozen=True, eq=False)
 class DashPeriod:
-    """Length of dash plus gap along a dashed line, on the rig's scale, metres. Falsy with a ``reason`` where none
-    was seen."""
+    """Length of dash plus gap on the rig's scale, in metres; falsy with a ``reason`` where no dashes were seen."""
 
     period_m: float = math.nan
     std_m: float = math.nan
@@ -64,8 +63,10 @@ class DashPeriod:
 
 
 def line_profile(finder: LaneFinder, frame_bgr: np.ndarray, fit: JointFit, side: int) -> tuple[np.ndarray, np.ndarray]:
-    """Paint weight 0..1 along the left (``side`` -1) or right (+1) line of ``fit``: distances (N,) in m, descending;
-    weights (N,)."""
+    """Paint along a line of ``fit``, the left (``side`` -1) or right (+1) one.
+
+    Distances (N,) in metres, descending, and weights (N,) 0..1.
+    """
     view, mean = finder.view((frame_bgr.shape[1], frame_bgr.shape[0])), fit.mean
     z = paint_evidence(view.scan(frame_bgr), column_m=SCAN_COLUMN_M)
     y = distance(1 / view.grid.y_m, mean, view.height_m)
@@ -96,8 +97,10 @@ def dash_likelihood(y_m, weight, periods_m, blur_m) -> tuple[np.ndarray, float]:
 
 
 def _covered(u, half, duty):
-    """Share of [u - half, u + half] covered by paint that fills the first ``duty`` of every period (Marking.coverage
-    does the same)."""
+    """Share of [u - half, u + half] covered by paint that fills the first ``duty`` of every period of 1.
+
+    (`road.Marking.coverage` does the same in metres.)
+    """
     upto = lambda t: np.floor(t) * duty + np.minimum(t - np.floor(t), duty)  # noqa: E731
     return (upto(u + half) - upto(u - half)) / (2 * half)
 
@@ -108,11 +111,10 @@ def _correlation(templates, w):
 
 
 def dash_period(rig: Rig, frames: list[np.ndarray]) -> DashPeriod:
-    """The period of the dashes along the ego lane's lines in ``frames`` (a list of (H, W, 3) uint8 BGR), measured on
-    the rig's scale.
+    """The period of the dashes of the ego lane's lines in ``frames``, each (H, W, 3) uint8 BGR, on the rig's scale.
 
-    Each dashed line of each frame gives a likelihood over periods; their sum has its peak at the period, its spread
-    under resampling of the lines (bootstrap, Efron 1979) and a systematic part give the standard deviation.
+    Each dashed line of each frame gives a likelihood over periods. Their sum has its peak at the period; the standard
+    deviation is its spread under resampling of the lines (bootstrap, Efron 1979), and a systematic part.
     """
     finder = LaneFinder(rig, track=False)
     periods = np.geomspace(*DASH_PERIODS_TRIED_M, 240)

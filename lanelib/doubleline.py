@@ -24,8 +24,7 @@ GAP, WIDEST = 5, 8  # samples: a dark gap of 12.5 cm between the two lines; the 
 
 
 def stripe_edges(picture: np.ndarray, x_m: np.ndarray, grid: Grid) -> tuple[float, float]:
-    """Where the bright stripe along ``x_m`` begins and ends, left and right of it, in metres; equal where there is
-    none.
+    """Where the bright stripe along ``x_m`` begins and ends, in metres to the right of it; equal where there is none.
 
     ``picture`` (H, W): rows of a bird's-eye picture of ``grid``'s columns; ``x_m`` (H,): where the line crosses them.
     """

@@ -48,8 +48,10 @@ CLIP_HEAD = ["clip", "frames", "jitter cm", "lag s", "reset s", "wrong for s"]
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Everything that `evaluate` found; prints as tables. `unpredicted`: labelled frames without a prediction, which
-    count as missed."""
+    """Everything that `evaluate` found; prints as tables.
+
+    `unpredicted`: how many labelled frames have no prediction; they count as missed.
+    """
 
     frames: tuple[FrameScore, ...]
     pixels: PixelScore
@@ -87,15 +89,16 @@ class Evaluation:
 
 
 def evaluate(labels: str | Path, predictions: str | Path) -> Evaluation:
-    """Score a file of predictions ("-": standard input) against labels or a `truth.json`; a frame that is not
-    predicted is missed."""
+    """Score a file of predictions ("-": standard input) against labels or a `truth.json`."""
     rows, camera = read_labels(labels)
     return score(rows, read_rows(predictions), camera)
 
 
 def score(labels: Mapping[str, dict], predictions: Mapping[str, dict], camera: Camera | None = None) -> Evaluation:
-    """The same of rows by `raw_file`. Names match whole, else by the file's name alone where one label and one
-    prediction have it."""
+    """Score rows against labels, both by `raw_file`; a frame that is not predicted is missed.
+
+    Names match whole, else by the file's name alone where one label and one prediction have it.
+    """
     if labels and all("rvec" in row for row in labels.values()):
         raise LanelibError("evaluate: needed labels of lanes, found the truth of chessboards; name another file")
     ours, theirs = _by_last_part(labels), _by_last_part(predictions)

@@ -21,8 +21,10 @@ MAX_FILE_BYTES = 500_000_000  # half a million frames; more is not a file of pre
 
 
 def read_rows(path: str | Path) -> dict[str, dict]:
-    """JSON lines in the TuSimple layout, by `raw_file` ("-": of standard input). LanelibError names the file, the line
-    and what is wrong."""
+    """JSON lines in the TuSimple layout, by `raw_file` ("-": of standard input).
+
+    Raises LanelibError that names the file, the line and what is wrong.
+    """
     path = Path(path)
     try:
         if str(path) != "-" and path.stat().st_size > MAX_FILE_BYTES:

@@ -42,8 +42,10 @@ def numbered(path: Path) -> Iterator[Path]:
 
 
 def set_aside(part: Path, final: Path) -> Path:
-    """Where the finished `part` is now: NAME-2, NAME-3 … beside `final`, whose name it could not have; where it was,
-    if even that cannot be."""
+    """Name the finished `part` NAME-2, NAME-3 … beside `final`, whose name it could not have; returns where it is now.
+
+    Where even that cannot be, it stays where it was.
+    """
     try:
         return part.rename(next(name for name in numbered(final) if not name.exists()))
     except OSError:

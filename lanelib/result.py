@@ -14,8 +14,7 @@ from lanelib.neighbours import Neighbour
 
 
 class OnDemand:
-    """A dataclass field: an array, which may be given as a function without arguments that is called when first asked
-    for."""
+    """A dataclass field: an array, or a function without arguments that makes it when it is first asked for."""
 
     def __init__(self, default):
         self.default = default
@@ -115,8 +114,7 @@ class LaneResult:
 
 
 def line_at_rows(points_px: np.ndarray, rows: np.ndarray, width: int) -> list[float]:
-    """x of a line (N, 2), near to far, at picture rows; -2 outside the line or the picture (the TuSimple
-    convention)."""
+    """x of a line (N, 2), near to far, at rows of the picture; -2 outside the line or picture (as TuSimple)."""
     if len(points_px) < 2:
         return [-2] * len(rows)
     # from near to far a line climbs; beyond a crest it would turn back

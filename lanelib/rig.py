@@ -43,8 +43,10 @@ AROUND_Y_M = np.array([5.0, 10.0, 20.0, 35.0, 60.0])
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """A camera and how it sees the road: everything the finder must know, and nothing about the road itself. One
-    readable file."""
+    """A camera and how it sees the road: all that the finder must know, and nothing about the road itself.
+
+    Saved as one readable file.
+    """
 
     camera: Camera
     birdseye: BirdsEye
@@ -187,9 +189,11 @@ class View:
 
     @cached_property
     def _between(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of the R rows that are further apart than ``DOT_M``: where in a plane of the frame, as one long row, lie the
-        points half way to the next one, (R, W); and by how many grey levels they may be brighter, (R, W) uint8: by all
-        where the frame does not show them."""
+        """Of the R rows that are further apart than ``DOT_M``, the points half way to the next one.
+
+        Where in a plane of the frame, as one long row, they lie, (R, W); and by how many grey levels they may be
+        brighter, (R, W) uint8: by all where the frame does not show them.
+        """
         width, height = self.rig.size_wh
         apart_m = -np.gradient(self.grid.y_m)
         rows = np.count_nonzero(apart_m > DOT_M)  # the farthest ones
@@ -217,8 +221,10 @@ class View:
 
     @cached_property
     def _half_table(self):
-        """The first row it needs, and the look-up table from there, for planes of half the size (MPEG-2 siting is half
-        a pixel off sideways: 3 mm on the road)."""
+        """For planes of half the size: the first row that is needed, and the look-up table from there.
+
+        (MPEG-2 siting is half a pixel off sideways: 3 mm on the road.)
+        """
         width, height = self.rig.size_wh
         half = self.rig.scaled((width // 2, height // 2))
         pixels, parts = half.birdseye.table(half.camera, self.grid)

@@ -42,8 +42,10 @@ class RigChoice:
 
 
 def known_rigs() -> tuple[Path, ...]:
-    """Files of the rigs in `rigs/` of one's own data and of the project; of two with one name the first. LanelibError
-    where LANELIB_DATA names no folder."""
+    """Files of the rigs in `rigs/` of one's own data and of the project; of two with one name the first.
+
+    Raises LanelibError where LANELIB_DATA names no folder.
+    """
     if datasets.stands_alone():
         return ()
     folders = [root / "rigs" for root in datasets.roots()]
@@ -178,8 +180,11 @@ def spread(n: int, count: int) -> list[int]:
 
 
 def frames_of_video(path: str | Path, count: int = TRIAL_FRAMES) -> list[np.ndarray]:
-    """Up to `count` frames (BGR), evenly spread over a video as far as it can be read; of its begin where it does not
-    say how long it is, or cannot be read in its middle. LanelibError where it cannot be read at all."""
+    """Up to `count` frames (BGR), evenly spread over a video as far as it can be read.
+
+    Of its beginning where it does not say how long it is, or cannot be read in its middle. Raises LanelibError where it
+    cannot be read at all.
+    """
     info, frames = probe(path), []
     if info.n_frames > 4 * count and info.duration_s > 0:
         for i in range(count):

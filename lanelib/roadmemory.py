@@ -43,9 +43,11 @@ class RoadMemory:
         self._looks: deque[tuple[float, float]] = deque()  # place and curvature, from behind the car to ahead of it
 
     def update(self, lane: Lane, mean: np.ndarray, *, measured: bool, frame_s: float = FRAME_S) -> Lane:
-        """One frame of ``frame_s`` seconds further: keep what the joint fit's ``mean`` (7,) says of the road ahead
-        (where it was ``measured``), and give back its ``lane`` with what is known of the road at the car; as it was,
-        where nothing is yet."""
+        """One frame of ``frame_s`` seconds further: its ``lane`` with what is known of the road at the car.
+
+        What the joint fit's ``mean`` (7,) says of the road ahead is kept, where it was ``measured``. Where nothing is
+        known of the road at the car yet, the lane comes back as it was.
+        """
         middle = min(MIDDLE_M, sum(lane.y_range_m) / 2)
         here, ahead, beyond, *told = centre_curvature(mean, (0.0, middle, BEYOND_M, *STEPS_M))
         self._step_m = driven(self._step_m, advance_m(max(abs(here), abs(beyond)), frame_s), frame_s)
@@ -66,9 +68,12 @@ class RoadMemory:
         return replace(lane, here=Here(known[0], lane.offset_m + shift))
 
     def curvature_1pm(self, ahead_m: float, near: Iterable[tuple[float, float]] | None = None) -> float:
-        """Signed curvature of the road at a distance from the car, 1/m; NaN before the first and beyond the last place
-        that was seen. (Looks may lie some metres apart, where the view grew or shrank: between them it is
-        interpolated.) ``near``: those looks that may be near enough, where they are known."""
+        """Signed curvature of the road at a distance from the car, 1/m.
+
+        NaN before the first and beyond the last place that was seen. (Looks may lie some metres apart, where the view
+        grew or shrank: between them it is interpolated.) ``near``: those looks that may be near enough, where they are
+        known.
+        """
         asked, total, weighted = self.travelled_m + ahead_m, 0.0, 0.0
         for place, curvature in self._looks if near is None else near:
             weight = 1 - abs(place - asked) / (2 * BLUR_M)

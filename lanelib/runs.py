@@ -23,8 +23,7 @@ STATUSES = ("measured", "held", "none")
 
 @dataclass
 class Tally:
-    """What became of the frames of one picture folder or video. It grows with `add`, by two numbers (16 bytes) a
-    frame."""
+    """What became of the frames of one picture folder or video; grows with `add`, by two numbers (16 bytes) a frame."""
 
     name: str
     counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(STATUSES, 0))
@@ -98,8 +97,11 @@ def run_video(
     write_row: Callable[[dict], None] | None = None,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Summary, Tally]:
-    """The lane followed through one video, drawn to `out` (None: nowhere); `write_row` gets a row of each frame, whose
-    `raw_file` is `NAME.mp4:000123`, counted from the begin of the file (``raw_file``: instead of the name)."""
+    """The lane followed through one video, drawn to `out` (None: nowhere).
+
+    `write_row` gets a row for each frame, whose `raw_file` is `NAME.mp4:000123`, counted from the beginning of the
+    file; `raw_file`: in place of the name.
+    """
     info, tally = probe(path), Tally(path.name)
     finder, size_wh = LaneFinder(rig, recipe=recipe, neighbours=neighbours, fps=info.fps), info.size_wh
     even = all(n % 2 == 0 for n in size_wh)

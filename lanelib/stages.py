@@ -23,9 +23,8 @@ EVIDENCE_WH = (640, 360)  # the scan, 301 x 112 with rows spaced by perspective,
 def stages(frame_bgr: np.ndarray, finder, result=None) -> dict[str, np.ndarray]:
     """Pictures of one frame by the names of ``NAMES``, in that order; all uint8, BGR (masks: (H, W) 0/255).
 
-    ``finder``: a `finder.LaneFinder`; its state over time is not touched. ``result``: what it said about this
-    frame; without it the frame is looked at on its own. Raises LanelibError for a frame that the rig does not
-    fit.
+    ``finder``: a `finder.LaneFinder`; its state over time is not touched. ``result``: what it said about this frame;
+    without it the frame is looked at on its own. Raises LanelibError for a frame that the rig does not fit.
     """
     frame = as_bgr(frame_bgr)
     view = finder.view((frame.shape[1], frame.shape[0]))
@@ -64,16 +63,14 @@ def stage(name: str, frame_bgr: np.ndarray, finder, result=None) -> np.ndarray:
 
 
 def without_memory(finder):
-    """A finder that shares the tables of this one, looks at each frame on its own and leaves this one's state
-    alone."""
+    """A finder with the tables of this one that looks at each frame on its own and leaves this one's state alone."""
     alone = copy(finder)
     alone.track = False
     return alone
 
 
 def diagnostic(frame_bgr: np.ndarray, finder, result=None, *, size_wh: tuple[int, int] = (1280, 720)) -> np.ndarray:
-    """`draw.diagnostic` of a frame with all its stages. A frame that the rig does not fit is shown with the
-    reason alone."""
+    """`draw.diagnostic` of a frame with all its stages; of a frame that the rig does not fit, with the reason alone."""
     if result is None:
         result = without_memory(finder).process(frame_bgr)
     try:

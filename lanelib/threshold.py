@@ -105,8 +105,7 @@ def _as_uint8(mask: np.ndarray) -> np.ndarray:
 
 
 def close_gaps(mask: np.ndarray, *, size_px: int = 5) -> np.ndarray:
-    """Morphological closing (dilate, then erode) of a mask (H, W) with a square of `size_px` (odd): fills gaps and
-    holes narrower than that."""
+    """Closing (dilate, then erode) of a mask (H, W): fills gaps and holes narrower than `size_px` (odd)."""
     if size_px not in range(1, 1000, 2):
         raise LanelibError(f"an odd number of pixels is needed to close gaps, found {size_px}; use 3, 5, 7, …")
     return cv2.morphologyEx(_as_uint8(mask), cv2.MORPH_CLOSE, np.ones((size_px, size_px), np.uint8))
@@ -189,10 +188,10 @@ def paint_ridges(
 
 
 def keep_long(mask: np.ndarray, *, horizon_row: float | None = None) -> np.ndarray:
-    """The mask (H, W) without connected pieces of fewer rows than LENGTH_MIN of their lowest row's depth below the
-    horizon.
+    """The mask (H, W) without connected pieces that are too short for their distance.
 
-    A piece from row v - h to v below the horizon covers h / (v - h) of its distance to the car on a flat road.
+    A piece of fewer rows than LENGTH_MIN of its lowest row's depth below the horizon, or than WIDTH_MIN_PX, goes: one
+    from row v - h to v below the horizon covers h / (v - h) of its distance to the car on a flat road.
     """
     mask = _as_uint8(mask)
     horizon_row = HORIZON_FRACTION * len(mask) if horizon_row is None else horizon_row
@@ -217,9 +216,11 @@ def paint_steps(
 
 
 def paint_response(frame_bgr: np.ndarray, *, horizon_row: float | None = None, camera_height_m: float) -> np.ndarray:
-    """How much every pixel looks like paint, z >= 0, (H, W) float32: the finder's own measure (``paint``), taken in
-    the frame, where paint grows with the rows below the horizon. What the textbook order weighs its points with; the
-    mask above is the same idea as a yes or no."""
+    """How much every pixel looks like paint, z >= 0, (H, W) float32.
+
+    The finder's own measure (``paint``), taken in the frame, where paint grows with the rows below the horizon. What
+    the textbook order weighs its points with; the mask above is the same idea as a yes or no.
+    """
     if not camera_height_m > 0:
         raise LanelibError(f"a camera above the road is needed, found a height of {camera_height_m} m; give metres")
     brightness, yellow = paint_channels(as_bgr(frame_bgr))

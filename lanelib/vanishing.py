@@ -34,8 +34,7 @@ MEETING_POINTS, USUAL_HEIGHTS_M = 3, (1.15, 1.45, 1.8)  # a quarter apart: what 
 
 
 def picture_points(undistorted_bgr: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Paint crests of a picture (H, W, 3) as the camera sees it: pixels (N, 2), weights (N,); of all widths paint
-    has, far to near."""
+    """Paint crests, of all widths from far to near, of a picture (H, W, 3) BGR: pixels (N, 2) and weights (N,)."""
     h, w = undistorted_bgr.shape[:2]
     scale = min(1.0, VOTE_WIDTH_PX / w)
     small = cv2.resize(undistorted_bgr, (round(w * scale), round(h * scale)), interpolation=cv2.INTER_AREA)
@@ -60,8 +59,10 @@ def vote_grid(size_wh) -> tuple[np.ndarray, np.ndarray]:
 
 
 def slope_peaks(points_px, weights, columns, row, height_px) -> np.ndarray:
-    """For vanishing points (columns, row): how far the paint at every slope stands out of its surroundings,
-    (columns, slopes)."""
+    """How far the paint at each slope stands out, (columns, slopes), for vanishing points at these columns of a row.
+
+    Paint (N, 2) px with its weights (N,); ``height_px``: of the picture.
+    """
     n = int(round(2 * SLOPE_REACH / SLOPE_BIN))
     below = points_px[:, 1] > row + 0.04 * height_px  # nearer to the horizon one pixel is a lane wide
     u, v, weight = points_px[below, 0], points_px[below, 1], weights[below]
@@ -77,8 +78,7 @@ def slope_peaks(points_px, weights, columns, row, height_px) -> np.ndarray:
 
 
 def best_pairs(peaks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """For each row of peaks (M, slopes) the best pair of lines left and right of the car: score (M,) and slope
-    difference (M,).
+    """The best pair of lines left and right of the car, of each row of peaks (M, slopes): score and difference, (M,).
 
     Both lines must be there (geometric mean), at a distance that a usual camera height explains.
     """

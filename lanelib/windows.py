@@ -1,5 +1,4 @@
-"""The classic way to measure a lane: pixels of a mask, sliding windows or a search around the last lane, one
-parabola a line.
+"""The classic way to measure a lane: pixels of a mask, by windows or around the last lane, and a parabola a line.
 
 The two lines are fitted on their own, which is what makes this way weak (a seam takes one of them away) and worth
 teaching. To be smoothed and compared like the joint fit, the outcome is put into the same seven numbers.
@@ -29,8 +28,7 @@ def pixel_coefficients(line: Line, grid: Grid) -> np.ndarray:
 def find_pixels(
     mask_view: np.ndarray, grid: Grid, previous: tuple[Line, Line] | None = None, *, margin_m: float = 0.6
 ) -> LanePixels:
-    """Pixels of both lines in a bird's-eye mask: around ``previous`` lines where there are some, else by sliding
-    windows."""
+    """Pixels of both lines in a bird's-eye mask: around the ``previous`` lines if there are any, else by windows."""
     if previous is not None:
         around = search.search_around(
             mask_view, *(pixel_coefficients(line, grid) for line in previous), margin_px=margin_m / grid.column_m
@@ -53,8 +51,11 @@ def fit_lines(pixels: LanePixels, grid: Grid) -> tuple[Line | NoLine, Line | NoL
 def joint_state(
     left: Line, right: Line, pixels: LanePixels, grid: Grid, height_m: float, scan_y_m: np.ndarray
 ) -> JointFit:
-    """Two separate lines as the joint fit's seven numbers: means of heading and bend; lines that drift apart are
-    pitch, x_right - x_left = (x_right - x_left at the car) (1 + pitch y / height)."""
+    """Two separate lines as the joint fit's seven numbers.
+
+    Heading and bend are the means of both lines. Lines that drift apart are taken for pitch: x_right - x_left =
+    (x_right - x_left at the car) (1 + pitch y / height).
+    """
     (al, bl, cl), (ar, br, cr) = left.coefficients, right.coefficients
     apart, centre = cr - cl, (cl + cr) / 2  # along x
     pitch = height_m * (br - bl) / max(apart, 0.5)

@@ -1,5 +1,4 @@
-"""The write-up of a run: a page of text, pictures and numbers about one data set, every number filled in from the
-run."""
+"""The write-up of a run: a page of text and pictures about one data set, every number filled in from the run."""
 
 import json
 import os
@@ -28,8 +27,10 @@ STEPS = (
 def write_up(
     data_set: DataSet, rig: Rig | None, calibration: Calibration | None, scores: Mapping[str, Evaluation] | None = None
 ) -> str:
-    """The page as Markdown; its pictures are those that the run wrote beside it. ``scores``: what the run's pictures
-    and clips got against the set's truth, where it has one."""
+    """The page as Markdown; its pictures are those that the run wrote beside it.
+
+    ``scores``: what the run's pictures and clips got against the set's truth, where it has one.
+    """
     folder = data_set.output_images
     parts = [f"# Lane finding on the set “{data_set.name}”", _about_camera(folder, calibration), _about_rig(rig)]
     rows = _with_stems(_rows(folder / "lanes.jsonl"))

@@ -1,8 +1,8 @@
 """Two ways to hold a frame, BGR and planar YUV 4:2:0, and the one way to draw on both: polygons and layers.
 
-A `Canvas` is a list of planes: views into the frame's own memory, so what is drawn appears in the frame. A BGR
-picture is one plane of three channels; a YUV420p frame has three planes of one channel, two of them at half
-size. Nothing is converted, and only the bounding box of what is drawn is touched.
+A `Canvas` is a list of planes: views into the frame's own memory, so what is drawn appears in the frame. A BGR picture
+is one plane of three channels; a YUV420p frame has three planes of one channel, two of them at half size. Nothing is
+converted, and only the bounding box of what is drawn is touched.
 """
 
 from __future__ import annotations
@@ -34,8 +34,7 @@ YUV_FROM_BGR1 = np.array(
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """One array of a frame, (h, w) or (h, w, 3), its scale against the frame, and which of the colour's numbers
-    it holds."""
+    """One array of a frame, (h, w) or (h, w, 3), its scale, and which of a colour's numbers it holds."""
 
     pixels: np.ndarray
     scale: float
@@ -110,8 +109,7 @@ class Canvas:
                     cv2.addWeighted(room[rows], part, kept[rows], 1 - part, 0, dst=room[rows])
 
     def lay(self, layer: Layer, xy: tuple[int, int]) -> None:
-        """Lay a layer with its upper left pixel at ``xy`` (even numbers, 0 and more); what does not fit is cut
-        off."""
+        """Lay a layer with its upper left pixel at ``xy`` (even, 0 and more); what does not fit is cut off."""
         parts = layer.yuv if self.is_yuv else layer.bgr
         for plane, (colour, clear) in zip(self.planes, parts, strict=True):
             x, y = int(xy[0] * plane.scale), int(xy[1] * plane.scale)
@@ -123,8 +121,10 @@ class Canvas:
 
 
 class Layer:
-    """A small picture to be laid over a frame: ``pixels`` (h, w, 4) uint8, BGR already multiplied with the
-    coverage, and the coverage 0..255. What each kind of canvas needs of it is worked out once."""
+    """A small picture to be laid over a frame: ``pixels`` (h, w, 4) uint8, premultiplied BGR and the coverage 0..255.
+
+    What each kind of canvas needs of it is worked out once.
+    """
 
     def __init__(self, pixels: np.ndarray):
         self.pixels = pixels
@@ -168,8 +168,10 @@ def _room(pixels: np.ndarray, fixed: list[np.ndarray]) -> tuple[np.ndarray, tupl
 
 
 def _bands(y0: int, n_rows: int, scale: float, fade_rows) -> list[tuple[slice, float]]:
-    """Rows of a part of a plane that begins at row ``y0``, as slices, each with its share of the opacity: in
-    steps where it fades (none where it does not), then the rest."""
+    """Slices of the rows of a part of a plane that begins at row ``y0``, each with its share of the opacity.
+
+    In steps where it fades (none where it does not), then the rest.
+    """
     if fade_rows is None:
         return [(slice(0, n_rows), 1.0)]
     first, last = (float(row) * scale - y0 for row in fade_rows)

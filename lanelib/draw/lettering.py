@@ -1,10 +1,10 @@
 """Lettering: a small stroke alphabet, so that text looks the same, and good, with every version of OpenCV.
 
-OpenCV 4 and 5 draw the same `putText` call with different fonts. Here a letter is a few strokes on a grid, in
-the manner of road signs and technical drawing (upright strokes, round bows, one width): capitals are 7 units
-high, small letters 5, tails reach 2 below the line. A stroke is a list of points "x,y" and arcs
-"@x,y,rx:ry,from,to" (centre, radii, degrees, counter-clockwise positive, y upwards); "/" lifts the pen. Letters
-are drawn 8 times too large and averaged down, which is what makes them smooth.
+OpenCV 4 and 5 draw the same `putText` call with different fonts. Here a letter is a few strokes on a grid, in the
+manner of road signs and technical drawing (upright strokes, round bows, one width): capitals are 7 units high, small
+letters 5, tails reach 2 below the line. A stroke is a list of points "x,y" and arcs "@x,y,rx:ry,from,to" (centre,
+radii, degrees, counter-clockwise positive, y upwards); "/" lifts the pen. Letters are drawn 8 times too large and
+averaged down, which is what makes them smooth.
 """
 
 from functools import lru_cache
@@ -96,8 +96,7 @@ def _strokes(glyph: str) -> list[np.ndarray]:
 
 @lru_cache(maxsize=2048)
 def _glyph(glyph: str, cap_px: float, weight: float) -> tuple[np.ndarray, float]:
-    """Coverage (h, w) uint8 of one letter, its left edge GAP / 2 before the first stroke, and its advance in
-    pixels."""
+    """Coverage (h, w) uint8 of one letter, GAP / 2 of blank before its first stroke, and its advance in pixels."""
     unit = cap_px / CAP
     if glyph == " ":
         return np.zeros((1, 1), np.uint8), SPACE * unit
@@ -149,8 +148,10 @@ def text_width(text: str, cap_px: float, *, bold: bool = False) -> int:
 
 
 def stamp(picture: np.ndarray, mask: np.ndarray, xy: tuple[int, int], colour) -> None:
-    """Lay ``colour`` (one number a channel) over ``picture`` (H, W) or (H, W, C) uint8, in place, as far as
-    ``mask`` (h, w) covers it; ``xy``: column and row of the mask's upper left pixel, anywhere."""
+    """Lay ``colour`` over ``picture`` (H, W) or (H, W, C) uint8, in place, as far as ``mask`` (h, w) covers it.
+
+    ``colour``: a number for each channel; ``xy``: column and row of the mask's upper left pixel, anywhere.
+    """
     x, y = xy
     top, left = max(0, -y), max(0, -x)
     room = picture[max(y, 0) : max(y + mask.shape[0], 0), max(x, 0) : max(x + mask.shape[1], 0)]
@@ -174,8 +175,10 @@ def put_text(
     bold: bool = False,
     align: str = "left",
 ) -> None:
-    """Write ``text`` into ``picture`` in place; ``xy`` is where its base line begins, has its middle or ends
-    (``align`` left, centre, right)."""
+    """Write ``text`` into ``picture``, in place.
+
+    ``xy``: where the base line begins, has its middle or ends, for an ``align`` of left, centre or right.
+    """
     mask, base = text_mask(text, cap_px, bold=bold)
     shifts = {"left": 0.0, "centre": mask.shape[1] / 2, "right": mask.shape[1]}
     if align not in shifts:
@@ -193,8 +196,7 @@ def shortened(text: str, cap_px: float, width_px: float, *, bold: bool = False) 
 
 
 def wrapped(text: str, cap_px: float, width_px: float, *, max_lines: int = 3) -> list[str]:
-    """``text`` broken between words into at most ``max_lines`` lines no wider than ``width_px``; the rest is
-    cut with "…"."""
+    """``text`` broken between words into at most ``max_lines`` lines of at most ``width_px``; "…" for the rest."""
     lines: list[str] = []
     words = text.split()
     while words:

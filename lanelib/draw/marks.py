@@ -15,8 +15,7 @@ from lanelib.errors import LanelibError
 
 
 def heat(values: np.ndarray, *, top: float | None = None) -> np.ndarray:
-    """Numbers (H, W), 0 and more, as a picture from black over purple and orange to pale yellow at ``top``
-    (default: the largest)."""
+    """Numbers (H, W), 0 and more, from black over purple and orange to pale yellow at ``top`` (default: highest)."""
     values = np.nan_to_num(one_channel(np.asarray(values)).astype(np.float32))
     top = float(values.max(initial=0.0)) if top is None else top
     scaled = np.clip(values * (255 / top if top > 0 else 0), 0, 255).astype(np.uint8)
@@ -34,8 +33,7 @@ def difference(first: np.ndarray, second: np.ndarray, *, gain: float = 4.0) -> n
 
 
 def draw_points(picture: np.ndarray, xy, colour: str = "paint", *, radius_px: float = 2.0, weights=None) -> np.ndarray:
-    """Dots at ``xy`` (N, 2); with ``weights`` (N,) 0..1 fainter where less. Points outside or not finite are
-    left out."""
+    """Dots at ``xy`` (N, 2), the fainter the less their ``weights`` (N,) 0..1; what is not finite is left out."""
     picture, points = _copy(picture), np.asarray(xy, float).reshape(-1, 2)
     weights = np.ones(len(points)) if weights is None else np.asarray(weights, float)
     top, colours = _scaled(picture), np.array(bgr(colour), float)
@@ -56,8 +54,7 @@ def draw_line(
     closed: bool = False,
     outline: bool = False,
 ) -> np.ndarray:
-    """A smooth line through ``xy`` (N, 2); ``outline`` puts a dark edge around it, so that it shows on bright
-    ground, too."""
+    """A smooth line through ``xy`` (N, 2); ``outline``: with a dark edge, so that it shows on bright ground, too."""
     picture = _copy(picture)
     line_in_place(picture, xy, bgr(colour), width_px, dashed=dashed, closed=closed, outline=outline)
     return picture
@@ -94,9 +91,11 @@ def ring_in_place(picture, xy, colour, radius_px) -> None:
 
 
 def draw_windows(view: np.ndarray, found, *, left: str = "left line", right: str = "right line") -> np.ndarray:
-    """What a search for lane pixels looked at (`search.LanePixels`), on a bird's-eye view or mask (H, W) or (H,
-    W, 3): pixels of the left and the right line, windows (faint where they held too few pixels to recentre),
-    regions searched around."""
+    """What a search for lane pixels looked at (`search.LanePixels`), on a bird's-eye view (H, W, 3) or mask (H, W).
+
+    Pixels of the left and the right line, windows (faint where they held too few pixels to recentre), and the regions
+    that were searched around a known line.
+    """
     picture = _copy(view)
     grey = cv2.cvtColor(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), cv2.COLOR_GRAY2BGR)
     picture = cv2.convertScaleAbs(grey, alpha=0.45)  # what belongs to neither line steps back
@@ -121,9 +120,11 @@ SMALLEST_RINGS_PX = 14.0  # between corners; on smaller boards (a contact sheet)
 
 
 def draw_corners(picture: np.ndarray, corners_xy, board_wh: tuple[int, int]) -> np.ndarray:
-    """Chessboard corners in the order they were found: (N, 2), or (N, 1, 2), row by row of ``board_wh``
-    (columns, rows) inner corners. Each row has a colour, the first corner a ring; fewer corners than the board
-    has (not found) are plain red dots."""
+    """Chessboard corners in the order they were found, (N, 2) or (N, 1, 2): row by row of ``board_wh`` inner corners.
+
+    Each row has a colour, the first corner a ring. Another number of corners than the board has (it was not found) are
+    plain red dots.
+    """
     picture, corners = _copy(picture), np.asarray(corners_xy, float).reshape(-1, 2)
     corners = corners[np.isfinite(corners).all(axis=1)]
     columns, rows = board_wh

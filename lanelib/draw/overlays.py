@@ -1,7 +1,7 @@
 """The overlay: the lane on the frame, and what it means in numbers.
 
-`overlay` gives a new picture; `overlay_bgr` and `overlay_yuv420` draw into a frame of a video, in place, and
-touch only the bounding boxes of what they draw. All take a `LaneResult` (or anything with its attributes).
+`overlay` gives a new picture; `overlay_bgr` and `overlay_yuv420` draw into a frame of a video, in place, and touch only
+the bounding boxes of what they draw. All take a `LaneResult` (or anything with its attributes).
 """
 
 from __future__ import annotations

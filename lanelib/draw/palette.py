@@ -1,8 +1,8 @@
 """The same colour for the same thing everywhere: one table for overlays, panels and figures.
 
-Everything but the classic overlay (green lane, red and blue lines) uses the palette of Okabe and Ito (2008),
-which people with any kind of colour vision can tell apart. Colours are written "#rrggbb", as matplotlib takes
-them; `bgr` gives what OpenCV takes.
+Everything but the classic overlay (green lane, red and blue lines) uses the palette of Okabe and Ito (2008), which
+people with any kind of colour vision can tell apart. Colours are written "#rrggbb", as matplotlib takes them; `bgr`
+gives what OpenCV takes.
 """
 
 import re

@@ -23,8 +23,7 @@ GAP = 12  # between pictures, and around them
 
 
 def fitted(picture: np.ndarray, size_wh: tuple[int, int], *, stretch: bool = False) -> np.ndarray:
-    """The picture scaled to fit into ``size_wh``, centred on the desk; with ``stretch`` it fills it. Masks 0/1
-    become visible."""
+    """The picture scaled to fit into ``size_wh``, centred on the desk; ``stretch`` fills it. Masks 0/1 are seen too."""
     picture = np.asarray(picture)
     if picture.dtype == bool:
         picture = picture.astype(np.uint8)
@@ -45,10 +44,9 @@ def fitted(picture: np.ndarray, size_wh: tuple[int, int], *, stretch: bool = Fal
 def side_by_side(
     pictures, titles=None, *, height: int | None = None, columns: int | None = None, cap_px: int = 13
 ) -> np.ndarray:
-    """Pictures next to each other, each with its title above, all of one height (default: the lowest one's, at
-    most 480).
+    """Pictures next to each other, each with its title above.
 
-    ``columns``: begin a new row after so many.
+    ``height``: of all of them; by default the lowest one's, at most 480. ``columns``: begin a new row after so many.
     """
     pictures = [np.asarray(p) for p in pictures]
     titles = list(titles) if titles is not None else [""] * len(pictures)
@@ -79,8 +77,10 @@ def side_by_side(
 
 # ---------------------------------------------------------------------------------------------- bird's-eye view
 def pixels_of_road(grid, points_m) -> np.ndarray:
-    """Metres (N, 2) to pixels (N, 2) of a picture of ``grid`` (`birdseye.Grid`), whatever the spacing of its
-    rows; NaN outside."""
+    """Metres (N, 2) to pixels (N, 2) of a picture of ``grid`` (`birdseye.Grid`); NaN before and beyond its rows.
+
+    The rows may be spaced as they like.
+    """
     points_m = np.asarray(points_m, float).reshape(-1, 2)
     row = np.interp(points_m[:, 1], grid.y_m[::-1], np.arange(len(grid.y_m))[::-1], left=np.nan, right=np.nan)
     return np.column_stack([grid.column_of(points_m[:, 0]), row])
@@ -89,8 +89,7 @@ def pixels_of_road(grid, points_m) -> np.ndarray:
 def birdseye(
     view: np.ndarray, grid, *, lane=None, points_m=None, weights=None, held: bool = False, rulers: bool = True
 ) -> np.ndarray:
-    """A bird's-eye picture of ``grid`` with metre rulers, the car's place, and where given the ``lane`` and
-    paint points.
+    """A bird's-eye picture of ``grid`` with metre rulers, the car's place, and what is given of lane and paint points.
 
     ``lane`` (`lane.Lane`) is drawn where it appears on the rig's flat plane; solid where paint was seen, dashed
     beyond. ``points_m`` (N, 2) metres on that plane, ``weights`` (N,) 0..1.
@@ -126,8 +125,7 @@ def birdseye(
 
 
 def _rulers(picture, grid, scale) -> None:
-    """Up to ten hairlines ahead (every 5 m in 40 m) and every metre (long every 2 m) to the sides at the lower edge,
-    with numbers."""
+    """With numbers: up to ten hairlines ahead (every 5 m of 40 m), and a mark for every metre along the lower edge."""
     height, width = picture.shape[:2]
     cap = max(7, round(14 * scale))
     canvas = Canvas.of_bgr(picture)

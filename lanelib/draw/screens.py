@@ -12,9 +12,11 @@ from lanelib.draw.panels import GAP, fitted, histogram_panel
 
 
 def diagnostic(frame_bgr: np.ndarray, stages: dict, result, *, size_wh: tuple[int, int] = (1280, 720)) -> np.ndarray:
-    """Everything about one frame on one picture of ``size_wh`` (16:9): the overlay, mask, evidence, bird's-eye
-    view with windows and with the fit, histogram, and numbers. ``stages``: pictures by name as `lanelib.stages`
-    gives them; missing ones stay empty."""
+    """Everything about one frame on one picture of ``size_wh`` (16:9).
+
+    The overlay, mask, evidence, bird's-eye view with windows and with the fit, histogram, and numbers. ``stages``:
+    pictures by name as `lanelib.stages` gives them; missing ones stay empty.
+    """
     out = np.full((720, 1280, 3), bgr("desk"), np.uint8)
     # two rows, three columns; widths such that overlay (16:9) and bird's-eye views (2:3) are of one height
     columns, rows = ((12, 704), (728, 264), (1004, 264)), ((36, 396), (470, 195))

@@ -89,8 +89,10 @@ def look_through(
     truth: Mapping[str, dict] | None = None,
     **finder,
 ) -> Clip:
-    """Find the lane in a section of a video, in order, with tracking. ``truth``: of `truth.load_truth`; ``finder``:
-    the options of `LaneFinder`."""
+    """Find the lane in a section of a video, in order, with tracking.
+
+    ``truth``: of `truth.load_truth`; ``finder``: the options of `LaneFinder`.
+    """
     made = LaneFinder(rig, **finder)
     end_s = start_s + LONGEST_S if end_s is None else end_s
     clip = Clip(made, [], [], [], [])

@@ -1,9 +1,8 @@
 """Figures for notebooks and the write-up: one line a call, each returns the matplotlib Figure.
 
-Pictures come in as everywhere, (H, W, 3) BGR or masks (H, W); this is the edge where BGR becomes RGB. Colours
-are those of `draw.PALETTE`: left vermillion, right blue, truth black and dashed. A returned Figure is closed
-for pyplot, so a notebook shows it once, where the call is the last line of a cell; elsewhere use
-``display(figure)``.
+Pictures come in as everywhere, (H, W, 3) BGR or masks (H, W); this is the edge where BGR becomes RGB. Colours are those
+of `draw.PALETTE`: left vermillion, right blue, truth black and dashed. A returned Figure is closed for pyplot, so a
+notebook shows it once, where the call is the last line of a cell; elsewhere use ``display(figure)``.
 
 show, before_after, boards, thresholds, channels, contact_sheet     pictures
 warp, column_histogram, fit                                         on the road, in metres

@@ -22,8 +22,7 @@ SHADE = "#c3c9d0"  # true paint behind curves: grey, for yellow and green are se
 
 
 def masks(frame_bgr, by_name: Mapping[str, np.ndarray], truth, *, rows: slice = slice(390, 690), columns: int = 2):
-    """`figures.thresholds` of the road alone: ``truth`` is a `explore.PaintTruth`; what lies outside its road is not
-    judged and not shown."""
+    """`figures.thresholds` of the road alone: what ``truth`` (`explore.PaintTruth`) does not judge is not shown."""
     judged = {name: ((np.asarray(mask) != 0) & truth.road)[rows] for name, mask in by_name.items()}
     return thresholds(frame_bgr[rows], judged, paint=truth.paint[rows], columns=columns)
 
@@ -114,8 +113,7 @@ def best_thresholds(values: Mapping[str, np.ndarray], truths: Sequence, *, low: 
 
 @in_style
 def precision_and_recall(scores: Mapping[str, Mapping[str, tuple[float, float]]], hard: Sequence[str]) -> Figure:
-    """Recipes as points: ``scores`` {recipe: {frame: (precision, recall)}}; frames in ``hard`` are hollow. Upper right
-    is good."""
+    """Recipes as points, {recipe: {frame: (precision, recall)}}, hollow for ``hard`` frames; upper right is good."""
     figure, a = plt.subplots(figsize=(6.2, 4.6), layout="constrained")
     for i, (recipe, by_frame) in enumerate(scores.items()):
         colour, marker = SERIES[i % len(SERIES)], MARKERS[i % len(MARKERS)]

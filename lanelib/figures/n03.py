@@ -15,8 +15,7 @@ from lanelib.figures.style import DASHES, INK, WIDTH_IN, extent_of, in_style, pu
 
 @in_style
 def from_the_side(height_m: float, distances_m: Sequence[float] = (6, 12, 30)) -> Figure:
-    """A camera above a flat road from the side: rays to points of the road, and where they pass a plane 4 m ahead; not
-    to scale vertically."""
+    """A camera above a flat road from the side: rays to points of the road, and where they pass a plane 4 m ahead."""
     figure, a = plt.subplots(figsize=(WIDTH_IN, 2.7), layout="constrained")
     plane = 4.0
     a.axhline(0, color=INK, linewidth=1.5)
@@ -98,8 +97,7 @@ def views(undistorted: np.ndarray, by_name: Mapping[str, BirdsEye], lines_m: Seq
 
 @in_style
 def hill(height_m: float, *, change: float = 0.02, at_m: float = 15.0, far_m: float = 45.0) -> Figure:
-    """A road that rises (or falls) by ``change`` from ``at_m`` on: its profile, and where a flat road would put its
-    points."""
+    """A road that rises (or falls) by ``change`` from ``at_m`` on, and where a flat road would put its points."""
     figure, (a, b) = plt.subplots(1, 2, figsize=(WIDTH_IN, 3.2), layout="constrained")
     y = np.linspace(5, far_m, 200)
     for sign, colour, name, style in ((1, PALETTE["none"], f"rises by {100 * change:g} %", "-"),

@@ -32,8 +32,7 @@ PAGE_COLUMNS = 96  # of text in a notebook, seen on a code-hosting page
 def board_page(
     corners_wh: tuple[int, int] = (9, 6), *, square_mm: float = 25.0, paper: str = "A4", dpi: int = 300
 ) -> np.ndarray:
-    """A page (H, W) uint8 with a chessboard of ``corners_wh`` inner corners, and a ruler to see whether the printer
-    scaled it.
+    """A page (H, W) uint8 with a chessboard of ``corners_wh`` inner corners, and a ruler to check the printer.
 
     Raises LanelibError where the board with a white margin of half a square does not fit on the paper.
     """
@@ -142,8 +141,7 @@ class Said:
 
     @property
     def clauses(self) -> Said:
-        """The same with each clause on a line of its own (what stands in brackets stays together), none too wide for
-        a page."""
+        """The same, each clause on a line of its own (what is in brackets stays together), none wider than a page."""
         lines = re.sub(r"; (?![^(]*\))", ";\n    ", self.text).splitlines()
         text = "\n".join(textwrap.fill(line, PAGE_COLUMNS, subsequent_indent=" " * 8) for line in lines)
         kept = re.sub(r"( -\S+) (?!-)", "\\1\0", self.words)  # an option and its value stay together

@@ -17,8 +17,7 @@ from lanelib.names import natural_key
 
 @in_style
 def board_errors(views, *, rms_px: float | None = None) -> Figure:
-    """Reprojection error of each board as bars, the overall RMS as a line; boards that were not used are named
-    below."""
+    """Reprojection error of each board as bars, that of all as a line; boards that were not used are named below."""
     views = sorted(views, key=lambda view: natural_key(view.name))
     used = [view for view in views if view.used and view.rms_px is not None]
     figure, a = plt.subplots(figsize=(WIDTH_IN, 3.0), layout="constrained")
@@ -55,8 +54,10 @@ QUANTITIES = {  # key of a row: (axis label, factor)
 def over_time(
     rows, truth=None, *, quantities: Sequence[str] = ("curvature_1pm", "offset_m"), fps: float = 25.0, title: str = ""
 ) -> Figure:
-    """Rows of ``--json`` (a list, or {method: list}) over time, truth dashed; frames held are shaded orange,
-    without a lane vermillion."""
+    """Rows of ``--json`` (a list, or {method: list}) over time, truth dashed.
+
+    Of a single method, frames held are shaded orange, those without a lane vermillion.
+    """
     methods = rows if isinstance(rows, Mapping) else {"estimate": rows}
     figure, axes = plt.subplots(
         len(quantities),
@@ -125,8 +126,7 @@ def bars(
     digits: int = 2,
     log: bool = False,
 ) -> Figure:
-    """One bar a name, longest names welcome, the number at its end; ``errors`` as whiskers; ``highlight`` one
-    in green."""
+    """A bar for each name, its number at the end; ``errors`` as whiskers; the ``highlight`` in green."""
     names = list(values)
     numbers = [values[name] for name in names]
     figure, a = plt.subplots(figsize=(8, 0.36 * len(names) + 1.0), layout="constrained")

@@ -40,8 +40,7 @@ def show(pictures, titles=None, *, columns: int = 3, width: float | None = None)
 
 @in_style
 def before_after(before, after, titles=("as the camera gives it", "undistorted"), *, edges=()) -> Figure:
-    """Two pictures side by side; ``edges``: for each picture a list of lines (2, 2), x y, that ought to follow
-    straight edges."""
+    """Two pictures side by side; ``edges``: for each, lines (2, 2), x and y, that ought to follow straight edges."""
     figure, axes = picture_grid((before, after), columns=2)
     for i, (a, picture, title) in enumerate(zip(axes, (before, after), titles, strict=True)):
         put_picture(a, picture, title)
@@ -52,8 +51,11 @@ def before_after(before, after, titles=("as the camera gives it", "undistorted")
 
 @in_style
 def boards(pictures, views, board_wh=(9, 6), *, columns: int = 5) -> Figure:
-    """Chessboard pictures (BGR) with their corners and errors, by number; ``views``: `calibration.BoardView`s
-    in the order of the pictures. Unused ones are pale, a picture that is None is left out."""
+    """Chessboard pictures (BGR) with their corners and errors, by number.
+
+    ``views``: `calibration.BoardView`s in the order of the pictures. Unused ones are pale; a picture that is None is
+    left out.
+    """
     pairs = zip(pictures, views, strict=True)
     shown = [(*small_picture(picture), view) for picture, view in pairs if picture is not None]
     shown.sort(key=lambda one: natural_key(one[-1].name))
@@ -73,8 +75,11 @@ def boards(pictures, views, board_wh=(9, 6), *, columns: int = 5) -> Figure:
 
 @in_style
 def thresholds(frame_bgr, masks: Mapping[str, np.ndarray], *, paint=None, columns: int = 3) -> Figure:
-    """The frame and masks by name. With the true ``paint`` (a mask): hits green, paint missed blue, false
-    alarms vermillion, and each mask's precision and recall."""
+    """The frame and masks by name.
+
+    With the true ``paint`` (a mask): hits green, paint missed blue, false alarms vermillion, and each mask's precision
+    and recall.
+    """
     pictures, titles = [frame_bgr], ["frame"]
     for name, mask in masks.items():
         mask = np.asarray(mask) != 0
@@ -129,8 +134,7 @@ def channels(frame_bgr, names: Sequence[str], *, ranges: Mapping[str, tuple[floa
 
 @in_style
 def contact_sheet(frames, labels=None, *, columns: int = 4, marks: Sequence[str] | None = None) -> Figure:
-    """Many frames, small; ``marks``: a status for each ("measured", "held", "none"), shown as a coloured bar
-    below it."""
+    """Many frames, small; ``marks``: the status of each ("measured", "held", "none"), a coloured bar below it."""
     frames = list(frames)
     labels = list(labels) if labels is not None else [""] * len(frames)
     figure, axes = picture_grid(frames, columns=columns, head=0.24 if any(labels) else 0.0)

@@ -87,8 +87,7 @@ def save(figure: Figure, path) -> Path:
 
 
 def rgb(picture: np.ndarray) -> np.ndarray:
-    """What matplotlib shows: BGR to RGB; masks (0/1, 0/255, bool) and grey pictures as RGB, too; float pictures
-    0..largest as heat."""
+    """What matplotlib shows: BGR, grey pictures and masks (0/1, 0/255, bool) as RGB; floats 0..largest as heat."""
     picture = np.asarray(picture)
     if picture.dtype == bool:
         picture = picture.astype(np.uint8) * np.uint8(255)
@@ -114,10 +113,10 @@ def put_picture(axes, picture, title="", extent=None) -> None:
 
 
 def picture_grid(pictures, *, columns: int, width: float = WIDTH_IN, head: float = 0.3, tallest: float = 4.6):
-    """A figure and one axes a picture, in rows of ``columns``; the pictures of a row are of one height and keep
-    their proportions.
+    """A figure and axes for each picture, in rows of ``columns``.
 
-    ``head``: inches above each picture for its title; ``tallest``: a row is no higher (inches).
+    The pictures of a row are of one height and keep their proportions. ``head``: inches above each picture for its
+    title; ``tallest``: a row is no higher (inches).
     """
     gap = 0.1
     shapes = [np.shape(p)[:2] for p in pictures]
