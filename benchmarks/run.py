@@ -34,10 +34,11 @@ from measure import (
 from lanelib import calibration, draw, jointfit, threshold, windows
 from lanelib.draw.overlays import _card as read_out
 from lanelib.evaluate import table
+from lanelib.files import write_bytes
 from lanelib.finder import LaneFinder
 from lanelib.hypotheses import hypotheses
 from lanelib.paint import evidence_of, paint_points
-from lanelib.pictures import read_image, write_bytes
+from lanelib.pictures import read_image
 from lanelib.result import line_at_rows
 from lanelib.rig import SCAN_COLUMN_M, Rig
 from lanelib.runs import run_video

@@ -17,7 +17,8 @@ import numpy as np
 from lanelib.camera import ASPECT_TOLERANCE, INTRINSICS, Camera
 from lanelib.chessboard import check_board_wh, find_board
 from lanelib.errors import LanelibError
-from lanelib.pictures import pictures_in, read_image, write_bytes
+from lanelib.files import write_bytes
+from lanelib.pictures import pictures_in, read_image
 
 MIN_BOARDS = 3  # two views give Zhang's equations just enough; the third is the first that can contradict them
 CROP_PX = 2  # 1281x721 beside 1280x720: a row or column too many, not another scale

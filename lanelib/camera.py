@@ -17,7 +17,7 @@ import numpy as np
 from lanelib.arrays import as_picture, as_points, as_size_wh, in_short, owned
 from lanelib.distortion import distort, fold_radius, undistort
 from lanelib.errors import LanelibError
-from lanelib.pictures import read_text, write_bytes
+from lanelib.files import read_text, write_bytes
 
 FORMAT = "lanelib-camera/1"
 INTRINSICS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")

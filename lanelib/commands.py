@@ -22,6 +22,7 @@ import numpy as np
 from lanelib import datasets, rigs
 from lanelib.camera import Camera
 from lanelib.errors import BAD_INPUT, LanelibError
+from lanelib.files import write_bytes
 from lanelib.finder import LaneFinder
 from lanelib.outputs import (
     Console,
@@ -40,7 +41,7 @@ from lanelib.outputs import (
     with_folders,
     write_row,
 )
-from lanelib.pictures import PICTURE_SUFFIXES, read_image, write_bytes
+from lanelib.pictures import PICTURE_SUFFIXES, read_image
 from lanelib.pipeline import progress_bar
 from lanelib.runs import describe, picture_of, run_video, write_pictures
 from lanelib.threshold import recipe_by_name

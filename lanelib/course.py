@@ -13,10 +13,11 @@ from pathlib import Path
 from lanelib import calibration, datasets, rigs
 from lanelib.errors import BAD_INPUT, FAULT, LanelibError, one_line
 from lanelib.evaluate import Evaluation, evaluate, table
+from lanelib.files import write_bytes
 from lanelib.finder import LaneFinder, Rig
 from lanelib.labels import read_rows
 from lanelib.outputs import Console, free_name, json_lines, make_folder
-from lanelib.pictures import read_image, write_bytes
+from lanelib.pictures import read_image
 from lanelib.pipeline import progress_bar
 from lanelib.runs import TALLY_HEAD, Tally, run_video
 from lanelib.video import probe

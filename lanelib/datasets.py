@@ -17,7 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lanelib.errors import LanelibError
-from lanelib.pictures import PICTURE_SUFFIXES, files_in, pictures_in
+from lanelib.files import files_in
+from lanelib.pictures import PICTURE_SUFFIXES, pictures_in
 from lanelib.truth import load_truth
 
 INPUTS = ("camera_cal", "test_images", "test_videos")

@@ -14,7 +14,7 @@ import numpy as np
 
 from lanelib.camera import Camera
 from lanelib.errors import LanelibError
-from lanelib.pictures import read_text
+from lanelib.files import read_text
 from lanelib.truth import LARGEST, check_tags, load_truth, load_truth_camera, no_constant
 
 MAX_FILE_BYTES = 500_000_000  # half a million frames; more is not a file of predictions

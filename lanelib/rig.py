@@ -21,10 +21,10 @@ from lanelib.birdseye import BirdsEye, Grid
 from lanelib.camera import Camera
 from lanelib.channels import yuv420_planes
 from lanelib.errors import LanelibError
+from lanelib.files import read_text, write_bytes
 from lanelib.jointfit import SIDES, JointFit, Points, distance, line_x
 from lanelib.lane import Lane
 from lanelib.paint import PaintPoints, brightness_of_luma, paint_channels, paint_points, yellow_of_uv
-from lanelib.pictures import read_text, write_bytes
 
 RIG_FORMAT = "lanelib-rig/1"
 SCAN_COLUMN_M, SCAN_REACH_M, SCAN_ROWS = 0.05, 7.5, 112  # chosen by accuracy against truth: see notebook 07

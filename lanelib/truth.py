@@ -4,7 +4,7 @@ import json
 from pathlib import Path, PurePosixPath
 
 from lanelib.errors import LanelibError
-from lanelib.pictures import read_text
+from lanelib.files import read_text
 
 FORMAT = "lanelib-truth/1"
 MAX_BYTES = 200_000_000  # sixty times the truth of the shipped clips (3 kB a frame, 1,000 frames)

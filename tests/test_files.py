@@ -17,9 +17,10 @@ from lanelib import cli, rigs
 from lanelib.birdseye import BirdsEye
 from lanelib.camera import Camera
 from lanelib.errors import LanelibError
+from lanelib.files import read_text, write_bytes
 from lanelib.labels import read_labels
 from lanelib.outputs import json_lines
-from lanelib.pictures import read_image, read_text, write_bytes, write_image
+from lanelib.pictures import read_image, write_image
 from lanelib.rig import Rig
 from lanelib.truth import load_truth
 

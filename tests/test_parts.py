@@ -12,9 +12,10 @@ import pytest
 
 from lanelib import parts
 from lanelib.errors import LanelibError
+from lanelib.files import write_bytes
 from lanelib.outputs import _keep_rows, json_lines
 from lanelib.parts import part_of, prefix_of, remove_abandoned
-from lanelib.pictures import write_bytes, write_image
+from lanelib.pictures import write_image
 from lanelib.video import VideoWriter
 
 posix = pytest.mark.skipif(os.name == "nt", reason="there is no asking for a process by its number")

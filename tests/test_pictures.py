@@ -10,9 +10,10 @@ import cv2
 import numpy as np
 import pytest
 
-from lanelib import pictures
+from lanelib import files
 from lanelib.errors import LanelibError
-from lanelib.pictures import PICTURE_SUFFIXES, pictures_in, read_image, write_bytes, write_image
+from lanelib.files import write_bytes
+from lanelib.pictures import PICTURE_SUFFIXES, pictures_in, read_image, write_image
 
 RNG = np.random.default_rng(11)
 PHOTO = cv2.GaussianBlur(RNG.integers(0, 256, (90, 130, 3), np.uint8), (0, 0), 1.5)  # neither flat nor symmetric
@@ -170,7 +171,7 @@ def test_an_interrupted_write_leaves_the_old_file_and_nothing_else(tmp_path, mon
             opened(*args, **kwargs).close()
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(*((pictures, "open") if at == "open" else (pictures.os, "replace")), interrupted, raising=False)
+    monkeypatch.setattr(*((files, "open") if at == "open" else (files.os, "replace")), interrupted, raising=False)
     with pytest.raises(KeyboardInterrupt):
         write_bytes(place, b"new")
     monkeypatch.undo()

@@ -22,7 +22,7 @@ sys.path.insert(0, str(TOOLS))  # also when imported by a test
 
 import notebook_source as source  # noqa: E402
 
-from lanelib.pictures import write_bytes  # noqa: E402
+from lanelib.files import write_bytes  # noqa: E402
 
 ROOT = TOOLS.parent
 BOOKS = ROOT / "notebooks"

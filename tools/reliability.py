@@ -37,8 +37,8 @@ from lanelib import cli, datasets  # noqa: E402
 from lanelib.birdseye import BirdsEye  # noqa: E402
 from lanelib.camera import Camera  # noqa: E402
 from lanelib.errors import LanelibError  # noqa: E402
+from lanelib.files import write_bytes  # noqa: E402
 from lanelib.finder import LaneFinder  # noqa: E402
-from lanelib.pictures import write_bytes  # noqa: E402
 from lanelib.rig import Rig  # noqa: E402
 
 CAMPAIGNS = {

@@ -15,8 +15,9 @@ from lanelib.autorig import find_rig
 from lanelib.birdseye import map_points
 from lanelib.errors import LanelibError
 from lanelib.evaluate import table
+from lanelib.files import write_bytes
 from lanelib.labels import read_labels
-from lanelib.pictures import read_image, write_bytes
+from lanelib.pictures import read_image
 from lanelib.scores import FrameScore, frame_score, pixel_score
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -19,7 +19,7 @@ from lanelib import draw
 from lanelib.channels import as_bgr
 from lanelib.draw import SERIES
 from lanelib.errors import LanelibError
-from lanelib.pictures import write_bytes
+from lanelib.files import write_bytes
 
 WIDTH_IN = 10.0  # what a notebook shows without scaling, at 100 dots an inch
 INK, SOFT = "#22272e", "#6b7480"
