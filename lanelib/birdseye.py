@@ -292,7 +292,7 @@ class BirdsEye:
         return replace(self, road_from_image=self.road_from_image @ here, size_wh=size_wh)
 
     def parallelism(self, left_px, right_px) -> float:
-        """How much wider (m) the lane between two undistorted lines (N, 2) gets over 30 m: 0 where it is straight.
+        """How much wider (m) the lane between two undistorted lines (N, 2) gets over 30 m: 0 where they are parallel.
 
         NaN where fewer than two points of a line are on the road.
         """

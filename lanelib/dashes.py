@@ -101,7 +101,11 @@ def _covered(u, half, duty):
 
     (`road.Marking.coverage` does the same in metres.)
     """
-    upto = lambda t: np.floor(t) * duty + np.minimum(t - np.floor(t), duty)  # noqa: E731
+
+    def upto(t):
+        whole = np.floor(t)
+        return whole * duty + np.minimum(t - whole, duty)
+
     return (upto(u + half) - upto(u - half)) / (2 * half)
 
 

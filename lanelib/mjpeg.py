@@ -92,7 +92,7 @@ class MjpegServer:
             return True
 
     def close(self) -> None:
-        """Stop serving and wait for the viewers' threads. Harmless twice."""
+        """Stop serving and wait for the viewers' threads. A second call does no harm."""
         if self.closed:
             return
         with self._changed:

@@ -87,15 +87,16 @@ class LaneResult:
         return float(self.lane.width_m()) if self.lane else None
 
     def to_row(self, raw_file: str, *, step_px: int = 10) -> dict:
-        """This result as one line of the TuSimple layout (see docs/ARCHITECTURE.md), over the rows where the lane
-        was seen. Far boundaries of neighbours follow the ego lane's two lines, so that these stay the first."""
+        """This result as one line of the TuSimple layout (docs/ARCHITECTURE.md), over the rows where the lane was seen.
+
+        Far boundaries of neighbours follow the ego lane's two lines, so that these stay the first.
+        """
         w, h = self.size_wh
         every = (self.left_px, self.right_px, *(n.points_px for n in self.neighbours))
         lines = [line_at_rows(p, np.arange(0, h, step_px), w) for p in every]
         seen = [i for i in range(len(lines[0])) if any(line[i] >= 0 for line in lines)]
         rows = range(seen[0], seen[-1] + 1) if seen else range(0)
-        number = lambda v, digits: None if v is None or not math.isfinite(v) else round(float(v), digits)  # noqa: E731
-        return {
+        row = {
             "raw_file": raw_file,
             "h_samples": [i * step_px for i in rows],
             "lanes": [[line[i] for i in rows] for line in lines] if seen else [],
@@ -103,14 +104,22 @@ class LaneResult:
             "status": self.status,
             "reason": self.reason,
             "confidence": round(self.confidence, 3),
-            "radius_m": number(self.radius_m, 1),
-            "curvature_1pm": number(self.curvature_1pm, 7),
-            "offset_m": number(self.offset_m, 3),
-            "lane_width_m": number(self.width_m, 3),
-        } | ({"neighbours": [n.to_dict() for n in self.neighbours]} if self.neighbours else {})
+            "radius_m": _rounded(self.radius_m, 1),
+            "curvature_1pm": _rounded(self.curvature_1pm, 7),
+            "offset_m": _rounded(self.offset_m, 3),
+            "lane_width_m": _rounded(self.width_m, 3),
+        }
+        if self.neighbours:
+            row["neighbours"] = [neighbour.to_dict() for neighbour in self.neighbours]
+        return row
 
     def __repr__(self):
         return f"LaneResult({self.status}, confidence {self.confidence:.2f}, {self.lane or self.reason})"
+
+
+def _rounded(value: float | None, digits: int) -> float | None:
+    """For JSON: None where there is no number, or none that is finite."""
+    return None if value is None or not math.isfinite(value) else round(float(value), digits)
 
 
 def line_at_rows(points_px: np.ndarray, rows: np.ndarray, width: int) -> list[float]:

@@ -196,7 +196,7 @@ def frames_of_video(path: str | Path, count: int = TRIAL_FRAMES) -> list[np.ndar
 
 
 def _first_frames(path: str | Path, count: int) -> list[np.ndarray]:
-    """Every fourth frame of a video's begin; of a short one up to `count`, evenly spread."""
+    """Every fourth frame from the beginning of a video; of a short one up to `count`, evenly spread."""
     with read_frames(path) as reader:
         frames = [frame.frame_bgr for frame in itertools.islice(reader, 4 * count)]
     return [frames[i] for i in spread(len(frames), count)]

@@ -43,7 +43,7 @@ class Tally:
         return len(self.confidences)
 
     def row(self) -> list[str]:
-        """Name, frames, measured, held, none, median confidence, median ms to find a lane, seconds since the begin."""
+        """Name, frames, measured, held, none, median confidence, median ms to find a lane, seconds since it began."""
         both = ((self.confidences, 2), (self.milliseconds, 1))
         medians = [f"{statistics.median(values):.{digits}f}" if values else "-" for values, digits in both]
         seconds = time.perf_counter() - self.began_s

@@ -80,7 +80,7 @@ def hardest(badness: Sequence[float], *, apart: int, count: int | None = None) -
 
 
 def _reset_s(frames: list[FrameScore], time_s: np.ndarray) -> float:
-    """The longest time from the begin of a lane (or of the clip) to the first right lane."""
+    """The longest time from where a lane (or the clip) begins to the first right one."""
     waits, begin = [], None
     for i, frame in enumerate(frames):
         if not frame.has_lane:

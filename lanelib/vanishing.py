@@ -125,9 +125,10 @@ def candidates(pictures: list[np.ndarray], *, count: int = 8) -> list[tuple[tupl
         near = slice(max(i - 1, 0), i + 2), slice(max(j - 1, 0), j + 2)
         score = np.concatenate([s[near].ravel() for s, _ in differences])
         difference = np.concatenate([d[near].ravel() for _, d in differences])
-        order = np.argsort(difference[score > 0])
-        middle = np.searchsorted(np.cumsum(score[score > 0][order]), score.sum() / 2)
-        height_m = UNKNOWN_ROAD.mean[WIDTH] / difference[score > 0][order][middle]
+        voted = np.flatnonzero(score > 0)
+        voted = voted[np.argsort(difference[voted])]
+        median = voted[np.searchsorted(np.cumsum(score[voted]), score.sum() / 2)]  # of the votes
+        height_m = UNKNOWN_ROAD.mean[WIDTH] / difference[median]
         found.append(((float(columns[j]), float(rows[i])), float(height_m)))
     meeting = meeting_points(lines, MEETING_POINTS)
     return found + [((float(columns[j]), float(rows[i])), h) for i, j in meeting for h in USUAL_HEIGHTS_M]

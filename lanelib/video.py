@@ -191,7 +191,7 @@ class FrameReader:
         return [y[self._first_row :], u[self._first_row // 2 :], v[self._first_row // 2 :]]
 
     def close(self) -> None:
-        """End ffmpeg; needed only when the frames were not read to the end. Harmless twice."""
+        """End ffmpeg; needed only when the frames were not read to the end. A second call does no harm."""
         if self._close.alive:
             self._close()
             self.damage = self._log.damage(truncated=False)

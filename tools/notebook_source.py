@@ -157,9 +157,11 @@ def navigation(stem: str) -> str:
     names = list(COURSE)
     if stem not in names:
         return ""
-    here = names.index(stem)
-    link = lambda i, text: f"[{text}]({names[i]}.ipynb)"  # noqa: E731
-    parts = []
+    here, parts = names.index(stem), []
+
+    def link(i: int, text: str) -> str:
+        return f"[{text}]({names[i]}.ipynb)"
+
     if here > 0:
         parts.append(link(here - 1, f"← {names[here - 1][:2]} {COURSE[names[here - 1]]}"))
         parts.append(f"[Contents]({names[0]}.ipynb#The-map-of-the-course)")
@@ -217,7 +219,10 @@ def _notebook(cells: list[Cell], stem: str) -> nbformat.NotebookNode:
 
 def same_cells(one: nbformat.NotebookNode, other: nbformat.NotebookNode) -> bool:
     """Whether two notebooks have the same cells, whatever their outputs."""
-    essence = lambda nb: [(c.cell_type, c.source, c.metadata.get("tags", []), c.id) for c in nb.cells]  # noqa: E731
+
+    def essence(notebook):
+        return [(c.cell_type, c.source, c.metadata.get("tags", []), c.id) for c in notebook.cells]
+
     return essence(one) == essence(other)
 
 

@@ -57,9 +57,8 @@ def board_look(calibration: Calibration, number: int, picture: np.ndarray, *, ga
             off = projected - seen
             worst = float(np.hypot(*off.T).max())
             for here, arrow in zip(seen, off * gain, strict=True):
-                line_in_place(
-                    frame, np.array([here, here + arrow]), draw.bgr("text"), max(2, size_wh[0] / 500), outline=True
-                )
+                ends, width_px = np.array([here, here + arrow]), max(2, size_wh[0] / 500)
+                line_in_place(frame, ends, draw.bgr("text"), width_px, outline=True)
     panel_wh = (PANEL_WIDTH, round(PANEL_WIDTH * size_wh[1] / size_wh[0]))
     panels = [
         cv2.resize(p, panel_wh, interpolation=cv2.INTER_AREA) for p in (frame, calibration.camera.undistort(plain))
@@ -97,23 +96,12 @@ def _errors_chart(calibration: Calibration, number: int, size_wh: tuple[int, int
         cv2.rectangle(out, (round(x0), round(min(y, base - 2))), (round(x1), base), colour, -1)
         name = Path(calibration.boards[i].name).stem
         digits = "".join(c for c in name if c.isdigit()) or name
-        draw.put_text(
-            out,
-            shortened(digits, 9, max(step - 2, 9)),
-            ((x0 + x1) / 2, base + 17),
-            draw.bgr("text" if i == number else "label"),
-            cap_px=9,
-            align="centre",
-        )
+        words, ink = shortened(digits, 9, max(step - 2, 9)), draw.bgr("text" if i == number else "label")
+        draw.put_text(out, words, ((x0 + x1) / 2, base + 17), ink, cap_px=9, align="centre")
     y = base - room * calibration.rms_px / top
     line_in_place(out, [(left, y), (width - left, y)], draw.bgr("text"), 1, dashed=True)
-    draw.put_text(
-        out,
-        f"rms of each board, px; dashed: all together, {calibration.rms_px:.2f}",
-        (10, 18),
-        draw.bgr("title"),
-        cap_px=10,
-    )
+    title = f"rms of each board, px; dashed: all together, {calibration.rms_px:.2f}"
+    draw.put_text(out, title, (10, 18), draw.bgr("title"), cap_px=10)
     return out
 
 

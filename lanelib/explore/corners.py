@@ -161,13 +161,9 @@ def warp(frame_bgr: np.ndarray, rig: Rig | Camera, truth=None) -> Explorer:
         button("Classic corners", lambda: explorer.set(corners=plain(classic)), tip="the trapezoid everyone copies")
     ]
     if own is not None:
-        buttons.append(
-            button(
-                "Rig's corners",
-                lambda: explorer.set(corners=plain(rig_corners(own))),
-                tip="a rectangle on the road as the rig sees it",
-            )
-        )
+        of_rig = plain(rig_corners(own))
+        tip = "a rectangle on the road as the rig sees it"
+        buttons.append(button("Rig's corners", lambda: explorer.set(corners=of_rig), tip=tip))
     explorer = Explorer(
         "Warp explorer: drag the corners, or Tab to one and use the arrow keys",
         make,

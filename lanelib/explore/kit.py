@@ -121,9 +121,8 @@ class Explorer(W.VBox):
         self.pane = W.Box([self.picture], layout=W.Layout(width="100%"))
         picture = self.pane
         if beside is not None:
-            picture = W.Box(
-                [beside, self.pane], layout=W.Layout(width="100%", flex_flow="row", align_items="flex-start")
-            )
+            layout = W.Layout(width="100%", flex_flow="row", align_items="flex-start")
+            picture = W.Box([beside, self.pane], layout=layout)
         head = W.HTML(f'{STYLE}<div class="lx-title">{html.escape(title)}</div>')
         access = Access(label=title, alt=alt or title, layout=W.Layout(display="none"))
         super().__init__([head, panel, picture, *below, self.numbers, access], layout=W.Layout(width="100%"))

@@ -33,12 +33,10 @@ def straight_grid(size_wh: tuple[int, int]) -> list[np.ndarray]:
     along = np.linspace(-cell, width - 1 + cell, 120)
     down = np.linspace(-cell, height - 1 + cell, 80)
     xs = (width - 1) / 2 + cell * np.arange(-GRID // 2 - 1, GRID // 2 + 2)
-    ys = (height - 1) / 2 + cell * (
-        np.arange(-math.ceil(height / cell / 2) - 1, math.ceil(height / cell / 2) + 1) + 0.5
-    )
-    return [np.column_stack([np.full(80, x), down]) for x in xs] + [
-        np.column_stack([along, np.full(120, y)]) for y in ys
-    ]
+    half = math.ceil(height / cell / 2)
+    ys = (height - 1) / 2 + cell * (np.arange(-half - 1, half + 1) + 0.5)
+    upright = [np.column_stack([np.full(len(down), x), down]) for x in xs]
+    return upright + [np.column_stack([along, np.full(len(along), y)]) for y in ys]
 
 
 def distortion_look(camera: Camera, frame_bgr: np.ndarray | None = None, **lens: float) -> Look:
@@ -69,21 +67,15 @@ def distortion_look(camera: Camera, frame_bgr: np.ndarray | None = None, **lens:
     corners = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], float)
     moved = np.hypot(*(tried.undistort_points(corners) - corners).T)
     edge = np.hypot(*(tried.undistort_points([[0.0, (height - 1) / 2]]) - [[0.0, (height - 1) / 2]]).T)
-    return Look(
-        picture,
-        (
-            Reading("corners move by", float(moved.mean()), "px", 1),
-            Reading("left edge moves by", float(edge.mean()), "px", 1),
-            Reading("from the calibration", difference_px(tried, camera), "px rms", 2),
-            Reading("width of view", _field_deg(tried), "°", 1),
-            Reading(
-                "lens folds over at",
-                math.degrees(math.atan(tried.fold_radius)) if math.isfinite(tried.fold_radius) else "nowhere",
-                "° off axis",
-                0,
-            ),
-        ),
+    folds = math.degrees(math.atan(tried.fold_radius)) if math.isfinite(tried.fold_radius) else "nowhere"
+    readings = (
+        Reading("corners move by", float(moved.mean()), "px", 1),
+        Reading("left edge moves by", float(edge.mean()), "px", 1),
+        Reading("from the calibration", difference_px(tried, camera), "px rms", 2),
+        Reading("width of view", _field_deg(tried), "°", 1),
+        Reading("lens folds over at", folds, "° off axis", 0),
     )
+    return Look(picture, readings)
 
 
 def difference_px(first: Camera, second: Camera) -> float:
@@ -136,15 +128,8 @@ def distortion(camera: Camera, frame_bgr: np.ndarray | None = None) -> Explorer:
     controls = {}
     for name, (reach, step) in spans.items():
         reach = max(reach, 1.5 * abs(own[name]))
-        controls[name] = slider(
-            name,
-            own[name],
-            -reach,
-            reach,
-            step,
-            digits=4 if reach < 0.1 else 3,
-            tip="tangential coefficient" if name[0] == "p" else "radial coefficient",
-        )
+        digits, tip = 4 if reach < 0.1 else 3, "tangential coefficient" if name[0] == "p" else "radial coefficient"
+        controls[name] = slider(name, own[name], -reach, reach, step, digits=digits, tip=tip)
     controls["f"] = slider("f, px", f, 0.4 * f, 2.5 * f, f / 200, digits=0, tip="focal length in pixels")
     controls["none"] = tick("no distortion", tip="all coefficients 0")
 

@@ -73,12 +73,8 @@ class Look:
 
     def jpeg(self) -> bytes:
         """The picture as a JPEG file."""
-        options = [
-            cv2.IMWRITE_JPEG_QUALITY,
-            JPEG_QUALITY,
-            cv2.IMWRITE_JPEG_SAMPLING_FACTOR,
-            cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
-        ]
+        options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+        options += [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
         return cv2.imencode(".jpg", self.picture, options)[1].tobytes()
 
     def _repr_jpeg_(self) -> bytes:

@@ -140,10 +140,6 @@ def simulator(**start) -> Explorer:
     for name, value in start.items():
         controls[name].value = value
     first = {name: control.value for name, control in controls.items()}
-    return _with_reset(controls, first)
-
-
-def _with_reset(controls, first) -> Explorer:
     reset = button("Reset", lambda: explorer.set(**first), tip="all controls as at the start")
     explorer = Explorer(
         "Road simulator",

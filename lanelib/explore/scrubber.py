@@ -127,14 +127,8 @@ def scrub_look(clip: Clip, number: int, stage: str = "lane") -> Look:
     times = np.asarray(clip.times_s)
     title = "error, px (missed: 100)" if any(clip.truths) else "doubt, %: 100 - confidence (held: at least 50)"
     curve = Curve("worse is higher", times, clip.badness, "held")
-    chart = line_chart(
-        [curve],
-        (WIDTH_PX, 96),
-        title=title,
-        x_unit="s",
-        y_range=(0, max(10.0, float(clip.badness.max()) * 1.05)),
-        cursor=float(times[number]),
-    )
+    top, now_s = max(10.0, float(clip.badness.max()) * 1.05), float(times[number])
+    chart = line_chart([curve], (WIDTH_PX, 96), title=title, x_unit="s", y_range=(0, top), cursor=now_s)
     readings = [
         Reading("frame", number, digits=0),
         Reading("time", clip.times_s[number], "s", 2),

@@ -68,10 +68,8 @@ def true_centre_at(truth: Mapping | None, y_m: float) -> float:
     """The same of a frame of the truth; NaN where there is none."""
     if not truth or len(truth.get("lanes_road_m", ())) != 2:
         return math.nan
-    xs = [
-        np.interp(y_m, *np.asarray(line, float)[:, ::-1].T, left=np.nan, right=np.nan) for line in truth["lanes_road_m"]
-    ]
-    return float(np.mean(xs))
+    lines = (np.asarray(line, float).T for line in truth["lanes_road_m"])
+    return float(np.mean([np.interp(y_m, y, x, left=np.nan, right=np.nan) for x, y in lines]))
 
 
 def with_losses(fits: Sequence[JointFit | None], *, lost: int, noise_m: float, seed: int = 1) -> list[JointFit | None]:
@@ -123,15 +121,8 @@ def smoothing_look(
     starts = np.flatnonzero(held & ~np.r_[False, held[:-1]])
     ends = np.flatnonzero(held & ~np.r_[held[1:], False]) + 1
     shaded = np.column_stack([starts, ends]) / fps - 0.5 / fps
-    charts = [
-        line_chart(
-            curves,
-            (WIDTH_PX, 220),
-            title=f"centre of the lane {ahead_m:g} m ahead, m (orange: held)",
-            x_unit="s",
-            shaded=shaded,
-        )
-    ]
+    title = f"centre of the lane {ahead_m:g} m ahead, m (orange: held)"
+    charts = [line_chart(curves, (WIDTH_PX, 220), title=title, x_unit="s", shaded=shaded)]
     readings = []
     if truth is not None:
         errors = [
