@@ -119,12 +119,7 @@ def calibrate(
     views = [_fit_size(view, found, size_wh) if view.used else view for view, found in zip(views, sizes, strict=True)]
     views = _without_repetitions(views)
     if not flat:
-        views = [
-            replace(view, used=False, reason=f"only {_wh(view.corners_wh)} in view; a bent board must be seen whole")
-            if view.used and view.corners_wh and view.corners_wh != board_wh
-            else view
-            for view in views
-        ]
+        views = _whole_ones(views, board_wh)
 
     while True:
         _check_enough(views, board_wh)
@@ -158,6 +153,9 @@ def board_points(corners_wh: tuple[int, int], square_m: float = 1.0) -> np.ndarr
 
 @dataclass(frozen=True, eq=False)
 class _Solution:
+    """What OpenCV made of the boards: the camera, errors in pixels, the board's corners (w * h, 3) in metres, and the
+    largest angle between two of the boards."""
+
     camera: Camera
     rms_px: float
     per_board_px: np.ndarray
@@ -174,13 +172,13 @@ def _solve(views, board_wh, square_m, size_wh, *, flat: bool) -> _Solution:
     try:
         if flat:
             out = cv2.calibrateCameraExtended(known, seen, size_wh, None, None)
-            rms_px, matrix, distortion, std, per_board = out[0], out[1], out[2], out[5], out[-1]
+            rms_px, matrix, distortion, rvecs, _, std, *_, per_board = out
         else:
             # The first, the last and this corner keep their places, as the method asks: the far end of the first row.
             fixed = board_wh[0] - 1
             out = cv2.calibrateCameraROExtended(known, seen, size_wh, fixed, None, None)
-            rms_px, matrix, distortion, std, per_board = out[0], out[1], out[2], out[6], out[-1]
-            board_m = np.array(out[5], np.float64).reshape(-1, 3)
+            rms_px, matrix, distortion, rvecs, _, corners_m, std, *_, per_board = out
+            board_m = np.array(corners_m, np.float64).reshape(-1, 3)
     except cv2.error as error:
         reason = " ".join(str(error.err).split()) or "no solution"
         raise LanelibError(f"calibrate: need boards that agree on one camera, found {reason}; retake them") from None
@@ -189,7 +187,7 @@ def _solve(views, board_wh, square_m, size_wh, *, flat: bool) -> _Solution:
         raise LanelibError("calibrate: need boards that agree on one camera, found no finite solution; retake them")
     rms_px = float(rms_px)
     camera = Camera(matrix, np.ravel(distortion)[:5], size_wh, rms_px, std)
-    normals = np.array([cv2.Rodrigues(np.asarray(rvec))[0][:, 2] for rvec in out[3]])
+    normals = np.array([cv2.Rodrigues(np.asarray(rvec))[0][:, 2] for rvec in rvecs])
     tilt_deg = float(np.degrees(np.arccos(np.clip(normals @ normals.T, -1, 1).min())))
     return _Solution(camera, rms_px, np.ravel(per_board), board_m, tilt_deg)
 
@@ -262,6 +260,17 @@ def _without_repetitions(views: list[BoardView]) -> list[BoardView]:
             view = replace(view, used=False, reason=f"the same picture as {seen[key]}")
         elif view.used:
             seen[key] = view.name
+        result.append(view)
+    return result
+
+
+def _whole_ones(views: list[BoardView], board_wh) -> list[BoardView]:
+    """Of a bent board only a whole view tells which of its corners are seen."""
+    result = []
+    for view in views:
+        if view.used and view.corners_wh is not None and view.corners_wh != board_wh:
+            reason = f"only {_wh(view.corners_wh)} in view; a bent board must be seen whole"
+            view = replace(view, used=False, reason=reason)
         result.append(view)
     return result
 

@@ -154,8 +154,9 @@ def ridge(values: np.ndarray, brightness: np.ndarray, width_px: int) -> np.ndarr
         texture = |c - (l + r) / 2|, like the brightness averaged over NEIGHBOURHOOD widths of the row
 
     The maximum asks for *both* sides, so the edge of a shadow or of a wide bright patch gives 0 or less. Both terms
-    below scale with the light, so half the light gives the same ridge. (The two-sided comparison is the "dark-light-
-    dark" test of Bertozzi and Broggi, GOLD, 1998, and the symmetrical local threshold of Veit et al., ITSC 2008.)
+    below scale with the light (LEVELS_MIN apart), so half of it gives the same ridge. (The two-sided comparison is the
+    "dark-light-dark" test of Bertozzi and Broggi, GOLD, 1998, and the symmetrical local threshold of Veit et al., ITSC
+    2008.)
     """
     border = cv2.BORDER_REPLICATE
     distance = round(SIDE_DISTANCE * width_px)

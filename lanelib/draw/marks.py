@@ -9,9 +9,12 @@ import cv2
 import numpy as np
 
 from lanelib.channels import as_bgr, one_channel
-from lanelib.draw.canvas import Canvas
+from lanelib.draw.canvas import SHIFT, Canvas
 from lanelib.draw.palette import SERIES, bgr
 from lanelib.errors import LanelibError
+
+ONE = 1 << SHIFT  # a pixel in OpenCV's fixed-point coordinates
+FARTHEST_PX = 2e4  # what is farther out is pulled in, or left out; OpenCV's integers would wrap around
 
 
 def heat(values: np.ndarray, *, top: float | None = None) -> np.ndarray:
@@ -38,9 +41,9 @@ def draw_points(picture: np.ndarray, xy, colour: str = "paint", *, radius_px: fl
     weights = np.ones(len(points)) if weights is None else np.asarray(weights, float)
     top, colours = _scaled(picture), np.array(bgr(colour), float)
     for (x, y), weight in zip(points, weights, strict=True):
-        if np.isfinite(x + y) and abs(x) < 2e4 and abs(y) < 2e4:
+        if np.isfinite(x + y) and abs(x) < FARTHEST_PX and abs(y) < FARTHEST_PX:
             shade = tuple((colours * (0.35 + 0.65 * min(max(weight, 0.0), 1.0))).tolist())
-            cv2.circle(picture, (round(x * 16), round(y * 16)), round(radius_px * top * 16), shade, -1, cv2.LINE_AA, 4)
+            disc_in_place(picture, (x, y), shade, radius_px * top)
     return picture
 
 
@@ -68,7 +71,7 @@ def line_in_place(picture, xy, colour, width_px=2.0, *, dashed=False, closed=Fal
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) < 2:
         return
-    points = np.clip(points, -2e4, 2e4)
+    points = np.clip(points, -FARTHEST_PX, FARTHEST_PX)
     if closed:
         points = np.concatenate([points, points[:1]])
     pieces = [points]
@@ -77,17 +80,23 @@ def line_in_place(picture, xy, colour, width_px=2.0, *, dashed=False, closed=Fal
         starts = np.arange(0, length[-1], 7 * width_px)
         at = [np.linspace(s, min(s + 4 * width_px, length[-1]), 4) for s in starts]
         pieces = [np.column_stack([np.interp(a, length, points[:, 0]), np.interp(a, length, points[:, 1])]) for a in at]
-    fixed = [np.round(p * 16).astype(np.int32) for p in pieces]
+    fixed, thick = [np.round(p * ONE).astype(np.int32) for p in pieces], max(1, round(width_px))
     if outline:
-        cv2.polylines(picture, fixed, False, (0, 0, 0), max(1, round(width_px)) + 2, cv2.LINE_AA, 4)
-    cv2.polylines(picture, fixed, False, colour, max(1, round(width_px)), cv2.LINE_AA, 4)
+        cv2.polylines(picture, fixed, False, (0, 0, 0), thick + 2, cv2.LINE_AA, SHIFT)
+    cv2.polylines(picture, fixed, False, colour, thick, cv2.LINE_AA, SHIFT)
+
+
+def disc_in_place(picture, xy, colour, radius_px) -> None:
+    """A smooth filled circle; ``colour``: a number for each channel."""
+    centre = tuple(round(float(v) * ONE) for v in xy)
+    cv2.circle(picture, centre, round(radius_px * ONE), colour, -1, cv2.LINE_AA, SHIFT)
 
 
 def ring_in_place(picture, xy, colour, radius_px) -> None:
     """A white-rimmed dot."""
-    centre = tuple(int(np.clip(round(v * 16), -3e5, 3e5)) for v in xy)
-    cv2.circle(picture, centre, round(radius_px * 16), (255, 255, 255), -1, cv2.LINE_AA, 4)
-    cv2.circle(picture, centre, round(0.68 * radius_px * 16), colour, -1, cv2.LINE_AA, 4)
+    centre = np.clip(xy, -FARTHEST_PX, FARTHEST_PX)
+    disc_in_place(picture, centre, (255, 255, 255), radius_px)
+    disc_in_place(picture, centre, colour, 0.68 * radius_px)
 
 
 def draw_windows(view: np.ndarray, found, *, left: str = "left line", right: str = "right line") -> np.ndarray:

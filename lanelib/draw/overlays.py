@@ -13,8 +13,9 @@ import cv2
 import numpy as np
 
 from lanelib.channels import as_bgr
-from lanelib.draw.canvas import Canvas, Layer
+from lanelib.draw.canvas import SHIFT, Canvas, Layer
 from lanelib.draw.lettering import put_text, text_width, wrapped
+from lanelib.draw.marks import ONE, disc_in_place
 from lanelib.draw.palette import bgr
 from lanelib.errors import LanelibError
 
@@ -24,6 +25,7 @@ PALE = (214, 214, 214)
 LINE_WIDTH = 0.026  # of the lane's width at the same place: 0.10 m of 3.66 m, as wide as the narrowest paint
 FADE = 0.35  # the upper part of the lane over which the area fades out and the lines taper: farther away less is known
 LINE_FADE = 0.14  # the same for the lines
+THINNEST, NEIGHBOUR_THINNEST = 0.0011, 0.0012  # of the frame's width: 1.4 and 1.5 px of 1280, so that far ends stay
 NEIGHBOUR_WIDTH = 0.6  # of the ego lane's lines: they are not what is driven by
 CARD_OPACITY = 0.66  # white letters keep a contrast of 6:1 even over white (4.5:1 is asked for: WCAG 2.1, 1.4.3)
 DASH, PAUSE = 3, 2  # points of a line that is held
@@ -83,7 +85,7 @@ def draw_lane(canvas: Canvas, left_px: np.ndarray, right_px: np.ndarray, *, held
     full = top + FADE * max(bottom - top, 1.0)
     area, opacity = np.concatenate([left, right[::-1]]), AREA_OPACITY["held" if held else "measured"]
     canvas.fill([area], bgr("lane area"), opacity=opacity, fade_rows=(top, full))
-    thinnest = max(1.0, 0.0011 * canvas.size_wh[0])
+    thinnest = max(1.0, THINNEST * canvas.size_wh[0])
     for line, name in ((left, "left line"), (right, "right line")):
         wide = LINE_WIDTH * np.concatenate([width, np.full(len(line) - n, width[-1])])
         wide = np.maximum(wide * np.clip((line[:, 1] - top) / (full - top), 0.25, 1), thinnest)
@@ -106,7 +108,7 @@ def draw_neighbours(canvas: Canvas, result) -> None:
         if len(line) > 1:
             line = line[np.linspace(0, len(line) - 1, min(len(line), 16)).astype(int)]  # short pieces look ragged
             wide = NEIGHBOUR_WIDTH * LINE_WIDTH * np.interp(line[:, 1], rows[::-1], width[::-1])
-            canvas.fill([ribbon(line, np.maximum(wide, 0.0012 * canvas.size_wh[0]))], bgr("neighbour"))
+            canvas.fill([ribbon(line, np.maximum(wide, NEIGHBOUR_THINNEST * canvas.size_wh[0]))], bgr("neighbour"))
 
 
 def _finite(line_px) -> np.ndarray:
@@ -235,15 +237,15 @@ def _box(width: int, height: int, radius: int) -> np.ndarray:
 
 
 def _disc(card, x, y, radius, name) -> None:
-    cv2.circle(card, (round(x * 16), round(y * 16)), round(radius * 16), _over(name), -1, cv2.LINE_AA, 4)
+    disc_in_place(card, (x, y), _over(name), radius)
 
 
 def _bar(card, x0, x1, y, thick, value, name) -> None:
     """A value 0..1 as a bar with round ends."""
     for part, colour in ((1.0, "track"), (min(max(value, 0.0), 1.0), name)):
         if part > 0:
-            ends = [(round(x * 16), round(y * 16)) for x in (x0, x0 + part * (x1 - x0))]
-            cv2.line(card, *ends, _over(colour), thick, cv2.LINE_AA, 4)
+            ends = [(round(x * ONE), round(y * ONE)) for x in (x0, x0 + part * (x1 - x0))]
+            cv2.line(card, *ends, _over(colour), thick, cv2.LINE_AA, SHIFT)
 
 
 def _gauge(card, x, y, width, height, place) -> None:

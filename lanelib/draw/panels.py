@@ -14,7 +14,7 @@ import numpy as np
 from lanelib.channels import as_bgr
 from lanelib.draw.canvas import Canvas
 from lanelib.draw.lettering import put_text, shortened, text_width
-from lanelib.draw.marks import line_in_place
+from lanelib.draw.marks import disc_in_place, line_in_place
 from lanelib.draw.palette import bgr
 from lanelib.errors import LanelibError
 from lanelib.search import find_peaks, histogram
@@ -116,8 +116,7 @@ def birdseye(
         for (u, v), weight in zip(on, weights, strict=True):
             if np.isfinite(u + v) and weight > 0.02:
                 shade = tuple(float(c) * (0.4 + 0.6 * weight) for c in bgr("paint"))
-                centre, radius = (round(u * 16), round(v * 16)), round((0.9 + 0.9 * weight) * scale * 16)
-                cv2.circle(picture, centre, radius, shade, -1, cv2.LINE_AA, 4)
+                disc_in_place(picture, (u, v), shade, (0.9 + 0.9 * weight) * scale)
     if rulers:
         _rulers(picture, grid, scale)
         _car(picture, grid, scale)

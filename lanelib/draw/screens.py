@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from lanelib.draw.lettering import put_text, shortened, text_width, wrapped
+from lanelib.draw.marks import disc_in_place
 from lanelib.draw.overlays import offset_text, overlay, radius_text, status_text
 from lanelib.draw.palette import bgr
 from lanelib.draw.panels import GAP, fitted, histogram_panel
@@ -63,7 +63,7 @@ def birdseye_beside(
 def _status_bar(out, result, x, base, width) -> None:
     """Status, confidence, time and reason in one line."""
     colour = {"measured": "lane area", "held": "held"}.get(result.status, "left line")
-    cv2.circle(out, ((x + 6) * 16, (base - 6) * 16), 6 * 16, bgr(colour), -1, cv2.LINE_AA, 4)
+    disc_in_place(out, (x + 6, base - 6), bgr(colour), 6)
     words = status_text(result.status)
     put_text(out, words, (x + 20, base), bgr("text"), cap_px=12, bold=True)
     rest = [f"confidence {100 * result.confidence:.0f} %", f"{result.milliseconds:.1f} ms"]
