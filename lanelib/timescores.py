@@ -71,7 +71,11 @@ def lag_s(
 
 
 def hardest(badness: Sequence[float], *, apart: int, count: int | None = None) -> list[int]:
-    """Indices of the ``count`` worst frames (default: all that are), worst first, no two within ``apart`` frames."""
+    """Indices of the ``count`` worst frames (default: all that are), worst first, no two within ``apart`` frames.
+
+    >>> hardest([1, 5, 4, 0, 3], apart=1)
+    [1, 4]
+    """
     chosen: list[int] = []
     for i in np.argsort(-np.asarray(badness), kind="stable").tolist():
         if all(abs(i - j) > apart for j in chosen):
