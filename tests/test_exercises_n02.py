@@ -120,7 +120,9 @@ def test_yellow(right):
 @pytest.mark.parametrize(
     ("wrong", "hint"),
     [
-        (lambda frame: CHANNELS["hls_s"](frame) > 170, "at 0.4 times the light"),
+        (lambda frame: CHANNELS["hls_s"](frame) > 170, "at half the light"),
+        (lambda frame: (frame[..., 2] > 150) & (frame[..., 1] > 120) & (frame[..., 0] < 100), "with the brightness"),
+        (lambda frame: np.minimum(frame[..., 2], frame[..., 1]) - frame[..., 0].astype(int) > 60, "at half the light"),
         (lambda frame: frame[:, :, 2] > 200, "white paint"),
         (lambda frame: ~share_of_brightness(frame), "inverted"),
         (lambda frame: share_of_brightness(frame[:, :, ::-1]), "BGR"),

@@ -80,6 +80,8 @@ def check_frame_rates(answer):
     slips = {
         "for the second: the stages work at the same time, and the slowest sets the pace":
             lambda ms: (1000 / sum(ms), 1000 / min(ms)),
+        "for the second: the slowest stage sets the pace, and that need not be the last":
+            lambda ms: (1000 / sum(ms), 1000 / ms[-1]),
         "for the second: not the mean; the others wait for the slowest":
             lambda ms: (1000 / sum(ms), 1000 * len(ms) / sum(ms)),
         "for the second: rates of stages do not add up; each frame goes through all of them":
@@ -94,7 +96,7 @@ def check_frame_rates(answer):
         "a second has 1000 milliseconds, not 60": lambda ms: (60 / sum(ms), 60 / max(ms)),
         "these are milliseconds a frame; frames a second are 1000 divided by them": lambda ms: (sum(ms), max(ms)),
     }  # fmt: skip
-    cases = [((ms,), np.array([1000 / sum(ms), 1000 / max(ms)])) for ms in ([5.0, 2.0, 13.0], [4.0, 4.0])]
+    cases = [((ms,), np.array([1000 / sum(ms), 1000 / max(ms)])) for ms in ([5.0, 2.0, 13.0], [9.0, 2.0, 4.0])]
     # whole frames will do
     return function(answer, cases, array, unit="frames a second", rel=0.01, tolerance=1.0, slips=slips,
                     columns="one after the other, overlapped")  # fmt: skip

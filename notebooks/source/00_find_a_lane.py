@@ -3,7 +3,7 @@
 # # 00 Find a lane in ten minutes
 #
 # A car drives at 100 km/h in the middle of its lane, one degree off its direction. How long until a wheel is on the
-# line? Guess before you read on; before its end this notebook lets you compute it. It is about the time of a glance
+# line? Guess before you read on; by the end of this notebook you will compute it. It is about the time of a glance
 # at a phone, and it is why a car that looks after its lane has to know, many times a second and to a few centimetres,
 # where the two lines are.
 #
@@ -40,7 +40,7 @@ from lanelib.threshold import recipe_by_name
 # %% [markdown]
 # ## One picture
 #
-# A frame is an array of numbers. Whoever looks at its shape, its type and its range first saves an evening later.
+# A frame is an array of numbers. A look at its shape, type and range first saves an evening later.
 
 # %%
 frame, truth = notebook.road("test5.jpg")
@@ -111,7 +111,8 @@ notebook.say("The best that one brightness can do here: "
 # ## The lane, in three lines of code
 #
 # A *rig* is a camera and how it is mounted: its lens, its height above the road and the angles at which it looks.
-# With it, a `LaneFinder` turns a frame into a lane.
+# With it, a `LaneFinder` turns a frame into a lane. Its *confidence*, from 0 to 1, says how much paint was seen and how
+# well the lane fits it.
 
 # %%
 rig = Rig.load(datasets.get("rendered").rig_file)
@@ -136,7 +137,8 @@ figures.show(draw.overlay(frame, result), width=8)
 # \kappa = \frac{-x''}{\left(1 + x'^2\right)^{3/2}}, \qquad R = \frac{1}{|\kappa|} .$$
 #
 # The **offset** is positive when the car is to the right of the lane's centre. The **curvature** $\kappa$, in 1/m, is
-# positive when the road bends to the left; $R$ is its radius. These signs hold in the whole course.
+# positive when the road bends to the left; $R$ is its radius. ($x' = dx/dy$ is the slope of the line, $x''$ says
+# how fast the slope changes; notebook 04 derives the formula.) These signs hold in the whole course.
 
 # %%
 lane = result.lane
@@ -364,7 +366,7 @@ exercises.check_seconds_to_line(seconds_to_line)
 
 # %% [markdown] tags=["answer"]
 # A lane of 3.7 m and a car of 1.9 m leave 0.9 m on each side. At one degree and 100 km/h the car moves 0.48 m a second
-# to the side: a bit less than two seconds. At 25 frames a second these are 46 frames, and an offset that is wrong by
+# to the side: a bit less than two seconds. At 25 frames a second that is 46 frames, and an offset that is wrong by
 # 10 cm is a tenth of the whole room there is.
 
 # %% [markdown]
@@ -399,7 +401,7 @@ exercises.check_seconds_to_line(seconds_to_line)
 # - A lane is two curves on the road, in metres; offset, width and curvature follow from them.
 # - Right of the centre is a positive offset, a bend to the left a positive curvature.
 # - A threshold on brightness alone cannot tell paint from concrete.
-# - Curvatures can be compared, radii mislead: a gentle bend has little to measure.
+# - Compare curvatures. Radii mislead: on nearly straight road they may be anything.
 # - A number without its truth beside it is a claim.
 #
 # ## When it fails
@@ -424,7 +426,7 @@ exercises.check_seconds_to_line(seconds_to_line)
 # - A. Bar Hillel et al., *Recent progress in road and lane detection: a survey* (2014): what was hard then is hard now.
 # - E. Dickmanns and B. Mysliwetz, *Recursive 3-D road and relative ego-state recognition* (1992): a clothoid and a
 #   Kalman filter at motorway speed, on the computers of the day.
-# - R. Hartley and A. Zisserman, *Multiple View Geometry* (2004), chapter 2 and 8: planes, homographies, horizons.
+# - R. Hartley and A. Zisserman, *Multiple View Geometry* (2004), chapters 2 and 8: planes, homographies, horizons.
 #
 # ## Three questions
 #

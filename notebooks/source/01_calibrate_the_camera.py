@@ -50,8 +50,8 @@ true = rig.camera
 # %% [markdown]
 # ## A visible failure first
 #
-# A printed board has straight rows. Here is one held close to the camera, and through each row of corners a straight
-# line from its first corner to its last. **Before you run the next cell:** will the corners between lie on it?
+# A printed board has straight rows. Here is one held close to the camera, and through the outer rows of corners straight
+# lines from the first corner to the last. **Before you run the next cell:** will the corners between lie on it?
 
 # %% alt="A chessboard that fills the frame; its upper and lower rows bulge away from the dashed straight lines drawn through their ends."
 picture = read_image(shipped.boards()[0])
@@ -127,7 +127,7 @@ n01.lens(true)
 # %%
 corner = true.undistort_points([[0.0, 0.0]])[0]
 notebook.say(f"In the upper left corner the true lens moves a point by **{np.hypot(*corner):.0f} "
-             "px**; $k_1$ alone explains nearly all of it.")
+             "px**; $k_1$ alone explains most of it.")
 
 # %% [markdown]
 # The equations go from the ideal to the seen point. The way back has no closed form; `lanelib.distortion.undistort`
@@ -231,7 +231,8 @@ camera_from(used)
 
 # %% [markdown]
 # Sizes are `(width, height)` there. Two public pipelines hand over `(height, width)`, and nothing complains: the search
-# then starts with the centre in the wrong place. On clean corners it finds back; on photographs the RMS can triple.
+# then starts with the centre in the wrong place. On clean corners it finds its way back; on photographs the RMS can
+# triple.
 #
 # Now the luxury of a rendered set: the truth. **Predict:** is a focal length found from photographs right to 10 %, to
 # 1 %, or to 1 in 1000?
@@ -280,15 +281,15 @@ exercises.check_scaled_matrix(scaled_matrix)
 #
 # $$\mathrm{RMS} = \sqrt{\frac{1}{N}\sum_{j=1}^{N} \left(\Delta u_j^2 + \Delta v_j^2\right)}$$
 #
-# with $N$ corners. (Some programs print the norm divided by $N$; it looks ten times better and means nothing.)
+# with $N$ corners. (Some programs print the norm divided by $N$: it is smaller by $\sqrt N$ and means nothing.)
 
 # %% alt="Bars of the RMS error of each board, between about 0.05 and 0.10 pixels, and the overall RMS as a dashed line."
 figures.board_errors(calibration.boards, rms_px=calibration.rms_px)
 
 # %% [markdown]
-# All boards are explained about equally well. A board that stood out by a factor of three would be left out by
-# `calibrate`, with its name and the reason. Photographs of a paper board with a real camera give 0.3 to 1 px instead;
-# most of that is paper that is not flat.
+# All boards are explained about equally well. A board that stood out by a factor of three, and by more than 0.3 px,
+# would be left out by `calibrate`, with its name and the reason. Photographs of a paper board with a real camera give
+# 0.3 to 1 px instead; most of that is paper that is not flat.
 #
 # RMS does tell how well corners were *located*. The same boards, three corner finders:
 
@@ -468,15 +469,23 @@ n01.road_cost(ahead, costs)
 for name, (own, other) in costs.items():
     print(f"{name:21} at 20 m: {own[3]:5.1f} cm in the own lane, {other[3]:5.1f} cm in the next")
 
+# %%
+off_px = np.abs(true.camera_matrix[:2, 2] - middle)
+yaw, pitch = np.arctan(off_px / np.diag(true.camera_matrix)[:2])
+notebook.say(f"The assumed centre is {off_px[0]:.0f} px beside the true one, a yaw of "
+             f"{np.degrees(yaw):.1f}°, which alone is {2000 * np.tan(yaw):.0f} cm at 20 m; and "
+             f"{off_px[1]:.0f} px above it, a pitch of {np.degrees(pitch):.1f}°.")
+
 # %% [markdown]
-# Three things to take along, and none of them is what one expects before measuring:
+# Three things to take away, and none of them is what one expects before measuring:
 #
 # - The lens costs little in the own lane and much beside it. The lane lies near the middle of the frame, where the lens
 #   hardly bends; whoever looks at two lanes, or has a wide lens, needs the coefficients.
-# - A **principal point** that was only assumed costs most. 27 pixels too high or too low are the same as
-#   $\arctan(27/1152) = 1.3°$ of pitch, and pitch is what distances hang on (notebook 03). A rig that is fitted to the
-#   lane lines *with* the wrong centre absorbs most of it; one that was measured with a spirit level does not.
-# - A wrong focal length scales the road along the way. Sideways it hides behind the lane width that one assumes.
+# - A **principal point** that was only assumed costs most. Beside the true one it turns the camera, above or below it
+#   tilts it, and tilt (pitch) is what distances hang on (notebook 03). A rig that is fitted to the lane lines *with* the
+#   wrong centre absorbs most of it; one that was measured with a spirit level does not.
+# - A wrong focal length stretches the road along the way. Sideways it nearly cancels: for a level camera
+#   $x = h\,(u - c_x)/(v - c_y)$, without $f$ (notebook 03); what is left comes from the pitch.
 
 # %% [markdown]
 # ## Keep it
@@ -496,7 +505,7 @@ print(f"focal length {half.camera_matrix[0, 0]:.1f} px at {half.size_wh}")
 # ## What you have learned
 #
 # - $u = f X/Z + c$: a camera measures directions; $K$ turns them into pixels, five coefficients say what the lens does.
-# - Corners are found to a few hundredths of a pixel, also on boards that the frame cuts off; those hold the edges down.
+# - Corners are found to a few hundredths of a pixel, also on boards that the frame cuts off; those pin down the edges.
 # - A high RMS is a warning; a low one is no praise. Look at the coverage, the standard deviations and straight edges.
 # - Turn errors into centimetres on the road before deciding which of them matter.
 #

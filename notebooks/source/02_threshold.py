@@ -81,12 +81,13 @@ for name, frame, paint in (("asphalt", sunny, sunny_paint), ("concrete", concret
 # $$\text{precision} = \frac{|M \cap P|}{|M|}, \qquad \text{recall} = \frac{|M \cap P|}{|P|}, \qquad
 # F_1 = \frac{2}{1/\text{precision} + 1/\text{recall}}$$
 #
-# Precision asks how much of what was found is paint; recall, how much of the paint was found. Everything white has
-# recall 1; a single right pixel has precision 1. $F_1$, their harmonic mean, is high only when both are.
+# Precision asks how much of what was found is paint; recall, how much of the paint was found. A mask that is all white
+# has recall 1; a single right pixel has precision 1. $F_1$, their harmonic mean, is high only when both are.
 #
-# Where $P$ comes from: these frames are rendered, so the place of both lines of the ego lane is known exactly. A mask
-# is judged on the road between the lines and a metre beyond; other lanes' paint is neither right nor wrong. (Chipped
-# paint counts as painted, and of a double line only the inner stripe is the lane's: on such frames no mask reaches 1.)
+# Where $P$ comes from: these frames are rendered, so the place of both lines of the ego lane (the one the car is in) is
+# known exactly. A mask is judged on the road between the lines and a metre beyond; other lanes' paint is neither right
+# nor wrong. (Chipped paint counts as painted, and of a double line only the inner stripe is the lane's: on such frames
+# no mask reaches 1.)
 #
 # ### Exercise 1: precision and recall
 #
@@ -135,6 +136,8 @@ n02.profiles({"asphalt in the sun": sunny, "concrete": concrete, "concrete, stai
 # $$\text{HLS:}\quad L = \frac{M+m}{2}, \quad S = \frac{M-m}{\min(M+m,\ 510-M-m)}, \qquad
 # \text{HSV:}\quad V = M, \quad S = \frac{M-m}{M}, \qquad \text{LAB: } L,\ a,\ b \text{ as the eye judges them}$$
 #
+# (HSV's H is the hue as an angle. YUV is television's: Y the brightness, U how much bluer than that, V how much redder.)
+#
 # **Predict:** in which channel is yellow paint on concrete easiest to see? And which one does not show white at all?
 
 # %% alt="Five channels of the concrete frame with their histograms: in red and L the road is nearly as bright as the paint; S and b show the yellow line brightly and the white one not at all."
@@ -149,9 +152,10 @@ figures.channels(concrete, ["hsv_h", "hsv_s", "hsv_v", "lab_l", "yuv_u"])
 # the slightest tint is a large S.) No single channel does both well.
 #
 # Which channel separates best? Take a pixel of paint and a pixel of road at random: how often is the paint the
-# higher one (or always the lower)? 1.00 means that *some* threshold separates them perfectly; 0.50 is a coin.
+# higher one (where paint is the darker: the lower one)? 1.00 means that *some* threshold separates them perfectly; 0.50
+# is a coin. (This share is known as the area under the ROC curve.)
 
-# %% alt="A table of shades, channels against paints, how often paint and road are told apart: on asphalt everything is near 1; on concrete L falls to about 0.65 for yellow and b to about 0.5 for white."
+# %% alt="A table of shades, channels against paints, how often paint and road are told apart: on asphalt everything is near 1; on concrete L of HLS falls to about 0.65 for yellow and b to about 0.5 for white."
 def side_of(paint, frame, side):
     """The paint of one line only, and the road judged."""
     columns = np.arange(frame.shape[1])[None, :]
@@ -170,9 +174,9 @@ n02.separations({f"{paint},\n{road}": roads[road][0] for paint, road, _ in sampl
                 *zip(*sides, strict=True), names=names)
 
 # %% [markdown]
-# On dark asphalt everything separates. On concrete the columns part: $L$ hardly sees yellow any more, and $b$ does not
-# see white. Recipes therefore join one channel for each colour. Now the catch: separable by *some* threshold does not
-# mean by *the same* threshold:
+# On dark asphalt everything separates. On concrete the columns part: $L$ of HLS hardly sees yellow any more, and $b$
+# does not see white. Recipes therefore join one channel for each colour. Now the catch: separable by *some* threshold
+# does not mean by *the same* threshold:
 
 # %% alt="F1 over the threshold on the red channel for four frames: the curves peak at different thresholds, and the threshold that is best for one frame is poor for another."
 roads["asphalt at half the light"] = cv2.convertScaleAbs(sunny, alpha=0.5), sunny_paint
@@ -323,7 +327,8 @@ n02.masks(seams, {recipe.title: recipe.function(seams) for recipe in RECIPES.val
 # gravel, where everything is a small ridge, only a large one counts. Paint is where the ridge is 1 or more, and, for the
 # fourth property, where such pixels hang together over a tenth of their distance at least.
 #
-# - **0.08**: worn paint on concrete differs by 10 %, seams and patches by up to 5 %; the limit is between.
+# - **0.08**: worn paint on concrete differs by 10 %, seams and patches by up to 5 %; the limit is between. (The program
+#   adds 4 grey levels to $\overline b$, so that noise in the dark is no contrast.)
 # - **2**: a stripe must be twice what is usual around it.
 # - **Width**: on a flat road the scale of a row grows with its distance $d$ from the horizon, as scale $= d / h$ pixels
 #   per metre for a camera at height $h$ (derived in notebook 03). 10 cm of paint seen from 1.2 m are $0.08\,d$ pixels.
@@ -441,8 +446,8 @@ n02.masks(shade, {"R of 200 and more OR b of 155 and more": mine}, shade_paint)
 # %% [markdown]
 # ### Exercise 3: yellow, by day and in the shade
 #
-# Write a mask for yellow paint that works in the sun *and* at 0.4 times the light. The checker draws a road with a
-# yellow and a white line and asks for precision and recall of 0.55 on both. Frames are BGR.
+# Write a mask for yellow paint that works in the sun *and* at half the light. The checker draws a road with a yellow and
+# a white line, then halves all its values as above, and asks for precision and recall of 0.55 each time. Frames are BGR.
 
 # %%
 def yellow_mask(frame_bgr):

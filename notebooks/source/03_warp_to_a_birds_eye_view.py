@@ -344,8 +344,8 @@ frames = [read_image(path) for path in clear]
 print(dash_period(rig, frames))
 
 # %% [markdown]
-# If this number were 12 or 18 m, something would be wrong with the focal length or the pitch: two quantities that do
-# not show in a straight lane at all. A ruler that comes free with the road.
+# If this road's number came out as 12 or 18 m, something would be wrong with the focal length or the pitch: two
+# quantities that do not show in a straight lane at all. A ruler that comes free with the road.
 
 # %% [markdown]
 # ## Parallel, a check that needs nothing
@@ -372,10 +372,10 @@ pitched = {"camera taken to look\n0.5° more upwards": ours.pitched(camera, -del
 n03.views(undistorted, pitched, lines_m=[line[0][0] for line in straight["lanes_road_m"]])
 
 # %%
-for name, view in zip(("0.5° up", "true pitch", "0.5° down"), pitched.values(), strict=True):
+for name, view in zip(("taken 0.5° up", "true pitch", "taken 0.5° down"), pitched.values(), strict=True):
     opens = view.parallelism(*lines)
     how = f"gets {'wider' if opens > 0 else 'narrower'} by {abs(opens):.2f} m over 30 m"
-    print(f"{name:10} the lane {how if abs(opens) > 0.005 else 'is parallel'}")
+    print(f"{name:15} the lane {how if abs(opens) > 0.005 else 'is parallel'}")
 
 # %% [markdown]
 # Half a degree is what a car does when it brakes or takes a bump. A wedge is easy to see and easy to measure: that is
@@ -456,7 +456,8 @@ n03.views(undistorted, {"rig": rigs_view, "classic, 30 m": classic})
 #
 # ## When it fails
 #
-# - **Bumps, braking, load**: the pitch changes by some tenths of a degree all the time; a fixed matrix breathes.
+# - **Bumps, braking, load**: the pitch changes by some tenths of a degree all the time; seen through a fixed matrix, the road seems
+#   to breathe.
 # - **Hills and crests**: no plane fits; beyond the change of grade distances are fiction.
 # - **Curves**: their lines have no common vanishing point; a rig made from them is tilted aside.
 # - **A lane of another width** (3.0 m in roadworks, 3.5 m in much of Europe) scales everything by its ratio.

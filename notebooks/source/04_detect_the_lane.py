@@ -4,8 +4,8 @@
 #
 # A car at 90 km/h enters a bend of 450 m and is told that the radius is 8,000 m. It steers almost straight on and is
 # over the line after little more than a second. The mask was perfect; the number was wrong. This notebook goes from
-# the pixels of a mask to numbers in metres that one may steer by: the classic way first, with every step where it goes
-# wrong, then the model that this project uses, in which the two lines are *one* lane.
+# the pixels of a mask to numbers in metres that one may steer by: the classic way first, each step shown where it
+# goes wrong, then the model that this project uses, in which the two lines are *one* lane.
 #
 # **What you will do:** find lane pixels with a histogram, windows and a search around the last lane; fit lines; compute
 # curvature, offset and width with their uncertainty; break every sanity check on purpose; fit one lane instead of two
@@ -104,7 +104,7 @@ said = [f"The {side} line: radius {line.radius_m() / 1000:.3f} km." for side, li
 notebook.say(" ".join(said) + f" The truth is {here['radius_m'] / 1000:.3f} km for both.")
 
 # %% [markdown]
-# Both are useless. Least squares gives every white pixel a vote. How many of them have any business to vote?
+# Both are useless. Least squares gives every white pixel a vote. How many of them have any business voting?
 
 # %%
 on_line = [np.abs(x - np.interp(y, *line.T[::-1])) < 0.25 for line in true_lines]
@@ -140,7 +140,7 @@ notebook.say(f"The histogram begins at x = {begin[0]:+.2f} m and {begin[1]:+.2f}
 # near the car is upright. Here it is near enough, because the windows that follow are wider.
 
 # %% [markdown]
-# ### Exercise 1: Where to begin
+# ### Exercise 1: where to begin
 #
 # Write the search for the two peaks yourself: given a column histogram and the column `centre` between left and right,
 # return the columns of the highest value on each side.
@@ -238,7 +238,7 @@ figures.show({title: draw.draw_windows(mask, pixels) for title, pixels in around
 
 # %% [markdown]
 # On the left it even has the far dash that the windows missed. The price is on the right: with a last lane that was wrong
-# (here: the next one), the search finds what lies there and *confirms* it, frame after frame. A search around needs
+# (here: the next one), the search finds what lies there and *confirms* it, frame after frame. Such a search needs
 # somebody who doubts it: the sanity checks below, and the tracker of notebook 05.
 #
 # ## Least squares, and why it is not enough
@@ -248,9 +248,10 @@ figures.show({title: draw.draw_windows(mask, pixels) for title, pixels in around
 #
 # $$\frac{\partial}{\partial p} \lVert x - Jp \rVert^2 = -2 J^T (x - Jp) = 0 \quad\Rightarrow\quad J^T J\, p = J^T x .$$
 #
-# These *normal equations* are right when errors are independent and Gaussian. A reflector two metres beside the line is
-# neither, and it counts with its square: one pixel 2 m off costs as much as 400 pixels 10 cm off. A **robust** fit
-# gives a point with a large residual a small weight and repeats. Tukey's biweight gives it none at all:
+# The solution of these *normal equations* is the best one when errors are independent and Gaussian. A reflector two
+# metres beside the line is neither, and it counts with its square: one pixel 2 m off costs as much as 400 pixels 10 cm
+# off. A **robust** fit gives a point with a large residual a small weight and repeats. Tukey's biweight gives it none
+# at all:
 #
 # $$w(r) = \left(1 - (r / c)^2\right)^2 \text{ for } |r| < c, \text{ else } 0; \qquad c = 4.685\, s .$$
 #
@@ -278,7 +279,7 @@ notebook.say("Error 30 m ahead: " + ", ".join(
 # one that most points agree with.
 
 # %% [markdown]
-# ### Exercise 2: From pixels to metres
+# ### Exercise 2: from pixels to metres
 #
 # Many programs fit in pixels, $u = a v^2 + b v + c$ with $u$ the column and $v$ the row. With $x = x_0 + s_x u$ and
 # $y = y_0 - s_y v$ ($s_x$, $s_y$ metres a column and a row), insert one into the other and compare the terms with $y^2$:
@@ -306,7 +307,7 @@ exercises.check_bend_in_metres(bend_in_metres)
 #
 # $x'' > 0$ turns to the right. This project counts **curvature positive to the left** (as navigation and control do
 # with $y$ to the left), so $\kappa = -x'' / (1 + x'^2)^{3/2}$, and the radius of curvature is $1 / |\kappa|$. At the car
-# means at $y = 0$: the place of the camera, some metres *before* the lowest row of the picture.
+# means at $y = 0$: the place of the camera, some metres *nearer* than the lowest row of the picture shows.
 #
 # Now the promise of the first paragraph. Here are the two lines of this frame, fitted robustly to the windows' pixels,
 # and five ways to make one radius of them. All five are found in published programs. **Which is right?**
@@ -330,7 +331,7 @@ figures.bars({way: radius / 1000 for way, radius in radii_m.items()},
 # %% [markdown]
 # Expected: about 0.45 km. Values of several km, or of a hundred, mean mixed units: 8,000 m on such a bend is a bug, not
 # an inaccuracy. The ways in metres are of the right size; what they lack is a better right line, not other units (the legend
-# of the next figure tells the radius of each line). Yet averaging radii is a trap, as soon as one line is nearly
+# of the next figure gives the radius of each line). Yet averaging radii is a trap, as soon as one line is nearly
 # straight: curvatures of 1 and 0.06 per km (a bend of 1 km, one line badly seen) have the mean 0.53 per km, which is a
 # radius of 1.9 km, and bad enough. Their radii are 1 km and 16.7 km, with the mean **8.8 km**. A straight road has no
 # radius at all, but it has a curvature: 0. So: average curvatures, never radii.
@@ -346,7 +347,7 @@ for told_m in (8000.0, 600.0, 480.0):
           f"on the line after {seconds:.2f} s")
 
 # %% [markdown]
-# ### Exercise 3: The lane's curvature
+# ### Exercise 3: the lane's curvature
 #
 # From the coefficients (A, B, C) of both lines in metres: the lane's signed curvature at the car, in 1/m, positive to
 # the left. The third case of the checker has a car that stands across the lane, so keep the slope.
@@ -378,7 +379,7 @@ notebook.say(f"Offset {lane.offset_m:+.2f} m (truth {here['offset_m']:+.2f} m), 
              f"(truth {1000 * here['curvature_1pm']:+.2f} per km).")
 
 # %% [markdown]
-# ### Exercise 4: Offset and width
+# ### Exercise 4: offset and width
 #
 # From (A, B, C) of both lines: the offset of the car and the width across the lane, both at the car.
 
@@ -478,10 +479,11 @@ for n in ("test1.jpg", "test2.jpg", "test6.jpg"):
           f"{1000 * truth[n]['curvature_1pm']:+.2f} per km")
 
 # %% [markdown]
-# The parabola is wrong, not the pixels. Roads are *clothoids*: their curvature changes along the way, here it grows, and
-# a parabola of 40 m says the mean of what comes, not what is at the car. No amount of better paint cures that; a third-order
-# term can (`rate` in the joint model below), where there are frames enough to know it. This is how one finds out what an
-# error is made of: replace one step by the truth and look at what stays. Notebook 06 does it with every step.
+# The parabola is wrong, not the pixels. Roads are *clothoids*: their curvature changes evenly along the way, here it
+# grows, and a parabola of 40 m gives the mean of what comes, not what is at the car. No amount of better paint cures
+# that; a third-order term can (`rate` in the joint model below), where there are frames enough to know it. This is how
+# one finds out what an error is made of: replace one step by the truth and look at what stays. Notebook 06 does it with
+# every step.
 
 # %% [markdown]
 # ## Sanity checks
@@ -573,11 +575,11 @@ print("checks that the two lines fail:", failed or "none")
 # $$x_{l} = c - \tfrac{w}{2} + h\,y + A\,y^2, \qquad x_{r} = c + \tfrac{w}{2} + h\,y + A\,y^2 .$$
 #
 # Four numbers instead of six, and all points of both lines speak for $h$ and $A$: the solid line tells the bend, and
-# one dash on the other side is enough to tell the width. It is still one linear least-squares problem: a row
-# $(1, -\tfrac12, y, y^2)$ for each left point and $(1, +\tfrac12, y, y^2)$ for each right one.
+# one dash on the other side is enough to tell the width. It is still one linear least-squares problem: for the unknowns
+# $(c, h, A, w)$ a row $(1, y, y^2, -\tfrac12)$ for each left point and $(1, y, y^2, +\tfrac12)$ for each right one.
 
 # %% [markdown]
-# ### Exercise 5: One lane by least squares
+# ### Exercise 5: one lane by least squares
 #
 # Stack the rows of both lines into one matrix and solve it with `np.linalg.lstsq`. In the checker's second case the right
 # line has three points, a single dash.
@@ -754,7 +756,7 @@ for (what, nod_deg), reason in lost.items():
 # ## Further reading
 #
 # - E. D. Dickmanns and B. D. Mysliwetz, *Recursive 3-D road and relative ego-state recognition* (1992): one road model,
-#   clothoids, pitch, on the computers of then. The idea of this notebook's second half.
+#   clothoids, pitch, on the computers of its day. The idea of this notebook's second half.
 # - R. Hartley and A. Zisserman, *Multiple View Geometry*, appendix 6: Gauss-Newton and its relatives.
 # - P. J. Huber and E. M. Ronchetti, *Robust Statistics*: what a median and a biweight promise.
 # - R. Duda and P. Hart, *Use of the Hough transformation to detect lines and curves in pictures* (1972): the transform as it

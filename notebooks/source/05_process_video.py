@@ -141,7 +141,7 @@ notebook.say(f"The Kalman filter's error is {own[0] - plain[0]:.1f} cm above tha
 # %% [markdown]
 # So it is calmer even than the exponential smoother, which paid for its calm with lag. How can that be?
 #
-# ### Exercise 1: Exponential smoothing
+# ### Exercise 1: exponential smoothing
 #
 # Write it: the first output is the first value.
 
@@ -176,7 +176,7 @@ measured_twice = {"prediction": (0.24, 0.05**2), "this frame": (0.30, 0.03**2)} 
 n05.gaussians(measured_twice, together="both", xlabel="offset, m")
 
 # %% [markdown]
-# ### Exercise 2: Fuse
+# ### Exercise 2: fuse
 #
 # Two measurements with their *variances*: return mean and variance of both together.
 
@@ -222,7 +222,7 @@ print(f"sideways, that is {25 * STEP_STD[0]:.2f} m/s")
 # the middle of its view (notebook 04); a second later the car is there. `lanelib.roadmemory` keeps every look with its place and
 # reads it when the car arrives. In a bend that tightens, this is the difference between the bend to come and the one you are in.
 #
-# ### Exercise 3: One step of a Kalman filter
+# ### Exercise 3: one step of a Kalman filter
 #
 # For one number: predict with `step_variance`, then update with the measurement. A missed frame has `measured` None.
 
@@ -376,8 +376,9 @@ figures.contact_sheet([draw.overlay(woods[i], wooded["kalman"][i], text=False) f
 # Here the road moves fast, and what lags is wrong. A forest road is where a smoother that was chosen on a motorway is found
 # out.
 #
-# Back to the simulator: where, along its drive, do the errors come from? (The average's error is the lane's own movement,
-# times its lag. The error without smoothing is noise. The filter keeps a little of both: its error is no smaller than theirs, but calm.)
+# Back to the simulator: where, along its drive, do the errors come from? (The average's error is the lane's own
+# movement, times its lag. The error without smoothing is noise. The filter keeps a little of both: its error is about
+# that without smoothing, but calm.)
 
 # %% alt="The error of the lane's centre at 20 m over time: without smoothing it scatters around zero, the average is centimetres off, first to one side and then to the other, the Kalman filter stays near zero."
 def errors_cm(found):
@@ -440,7 +441,7 @@ notebook.say(f"After {HOLD_FRAMES} frames ({HOLD_FRAMES / 25:.2f} s) the worst h
 # Half a second is what a held lane is good for on a motorway; in tighter bends it is less. Holding for ever is the worst
 # fault of all: the dead lane looks so much calmer than none, and nothing on the screen says that it is dead.
 #
-# ### Exercise 4: Measured, held, none
+# ### Exercise 4: measured, held, none
 #
 # From a list of whether a lane was seen in each frame: the status of each frame, holding at most `hold` frames in a row.
 
@@ -632,7 +633,7 @@ notebook.say(f"The worst moment of these four seconds is {watched.badness.max():
 
 # %% [markdown] tags=["answer"]
 # 1. Error and lag, against truth, on a road with bends: a lane held for ever has no jitter at all.
-# 2. One frame tells the centre well, compared with what the past knows of it, and the width hardly: widths do not change, so
-#    the past has many frames' worth of it, and the filter rightly hardly listens.
+# 2. One frame tells the centre well, compared with what the past knows of it, and the width hardly: widths do not
+#    change, so the past has many frames' worth of it, and the filter rightly gives the frame little weight.
 # 3. On a nearly straight road signed radii jump between plus and minus thousands of metres while the road does nothing;
 #    their mean is meaningless. Average curvatures (or better, the state), and compute the radius last.

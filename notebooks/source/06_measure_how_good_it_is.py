@@ -3,7 +3,7 @@
 # # 06 Measure how good it is
 #
 # Every lane finder looks good in its own video. Green paint on a road convinces everyone, its author first; and a lane
-# that is a hand's breadth off looks the same at a glance as one that is right. This notebook replaces the glance by
+# that is a hand's breadth off looks the same at a glance as one that is right. This notebook replaces the glance with
 # numbers that can say no.
 #
 # **What you will do:** guess which of two lanes is right; score frames in pixels and in centimetres; follow an error of
@@ -386,7 +386,7 @@ for label in ("textbook", "with pitch and hill"):
         print(f"    {f.name}: {why}")
 
 # %% [markdown]
-# Whatever stands there is a statement about this set, not about the world. So let us break it: the frame with the
+# Whatever it says there is a statement about this set, not about the world. So let us break it: the frame with the
 # concrete slabs, at 1.4 times the light. **Before you run it:** what is left of white paint on pale concrete?
 
 # %%
@@ -481,7 +481,7 @@ notebook.say(f"Mean error against these labels {clicked.mean_px:.2f} px, against
 # - Median, worst case and count of failures belong together; so do jitter and lag.
 # - A pitch error of δ moves a line by x y δ / h; it dominates the budget unless it is estimated.
 # - An ablation is as good as its data: a cure shows only where the disease is.
-# - Frames without a lane belong into every evaluation.
+# - Frames without a lane belong in every evaluation.
 #
 # ## When it fails
 #

@@ -248,7 +248,7 @@ marked = {name: notebook.road(name)[0] for name, t in known.items() if t["lanes"
 first, full = (ablation.run(LaneFinder(rig, track=False, order=order), marked.items(), known,
                             camera) for order in ("finder", "textbook"))
 apart = evaluate.score(full.rows, first.rows).pixels
-notebook.say(f"Between the two orders: **{apart.mean_px:.2f} px** in the mean, 95 % below "
+notebook.say(f"Between the two orders: **{apart.mean_px:.2f} px** on average, 95 % below "
              f"{apart.p95_px:.1f} px. Against the truth: warp first "
              f"{first.evaluation.pixels.mean_px:.2f} px, textbook's order "
              f"{full.evaluation.pixels.mean_px:.2f} px.")
@@ -352,7 +352,7 @@ n07.timelines({"decode": 5, "find and draw": 2, "encode": 13})
 
 # %%
 def frames_a_second(stage_ms):
-    """(one after the other, overlapped)."""
+    """(one after the other, overlapped); stage_ms is a list."""
     # BEGIN SOLUTION
     return 1000 / sum(stage_ms), 1000 / max(stage_ms)
     # END SOLUTION
@@ -402,7 +402,7 @@ with tempfile.TemporaryDirectory() as folder:
 a, b = ({row["raw_file"]: row for row in made[name]} for name in made)
 apart = evaluate.score(a, b).pixels
 notebook.say(f"{len(a)} and {len(b)} frames, in the same order: {list(a) == list(b)}. The lines "
-             f"are {apart.mean_px:.2f} px apart, because the planes' colours are half as large.")
+             f"are {apart.mean_px:.2f} px apart, because the colour planes have half the size.")
 
 # %% tags=["nbval-ignore-output"] alt="Frames a second from file to file: the pipelined way is faster."
 rates = {name: len(a) / s for name, s in seconds.items()}
@@ -411,7 +411,7 @@ figures.bars(rates, unit="frames a second, file to file", highlight="pipelined",
 # %% [markdown]
 # On a busy machine, or with small frames, the two come close to each other: ffmpeg already runs beside Python in both, and
 # the encoder sets the pace in both. That is the point of the exercise above: what you make faster must be
-# the slowest stage. After this notebook it no longer is the lane finder, it is H.264.
+# the slowest stage. After this notebook that is no longer the lane finder, it is H.264.
 #
 # ## The lane does not mind
 #
@@ -427,7 +427,7 @@ explore.detect_look(explore.Frame(frame, rig), model="joint", truth=truth)
 # %% [markdown]
 # ## What you have learned
 #
-# - Measure first: the time was not where the lane is searched.
+# - Measure first: the time was not where the lane is searched for.
 # - The cheapest pixel is the one that nobody touches: warp first, through one table, into a small view.
 # - The size of that view is a measured number, at the knee of accuracy over cost.
 # - Each step comes with its proof that the result stayed.

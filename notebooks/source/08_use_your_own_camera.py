@@ -125,9 +125,9 @@ n08.command("lanelib calibrate boards -o calibration.json", folder,
             without=("k2", "k3", "p1", "p2"))
 
 # %% [markdown]
-# Read it from below. The **RMS** should be below half a pixel for a good board on glass, below one for a sheet of paper.
-# The standard deviations of `fx` and `cx` should be well below 1 % of `fx`. Then the table: each picture was used or has
-# a reason. (The higher distortion coefficients are left out here; notebook 01 has them.)
+# Read it from the bottom up. The **RMS** should be below half a pixel for a good board on glass, below one for a sheet
+# of paper. The standard deviations of `fx` and `cx` should be well below 1 % of `fx`. Then the table: each picture was
+# used or has a reason. (The higher distortion coefficients are left out here; notebook 01 has them.)
 #
 # Are the corners everywhere?
 
@@ -241,10 +241,11 @@ for name, rig in wrong.items():
 notebook.say(evaluate.table(rows))
 
 # %% [markdown]
-# (True: a width of 3.66 m and dashes every 14.63 m. Two frames give the dashes with the uncertainty shown,
-# a clip does better.) The finder forgives a good deal, because it estimates nod and heading anew in every frame: it reports a "nod"
-# of a whole degree that is none, and a lane that leads two degrees to the right. So these two numbers, averaged over
-# a straight drive, are the best check there is: **both should be near zero.** What it cannot forgive is the scale.
+# (True: a width of 3.66 m and dashes every 14.63 m. Two frames give the dashes with the uncertainty shown, a clip does
+# better; a fifth more is 17.6 m.) The finder forgives a good deal, because it estimates nod and heading anew in every
+# frame: it reports a "nod" of a whole degree that is none, and a lane that leads two degrees to the right. So these two
+# numbers, averaged over a straight drive, are the best check there is: **both should be near zero.** What it cannot
+# forgive is the scale.
 #
 # ### Exercise 2: diagnose
 #
@@ -294,7 +295,7 @@ guess = Rig.load(folder / "guess.json")
 off = guess.camera.camera_matrix[0, 0] / own.camera.camera_matrix[0, 0] - 1
 notebook.say("Upright, parallel and a lane apart in all three. That the focal length of the "
              f"guessed lens is off by {100 * off:+.1f} % does not show here: only the dashes "
-             "can tell, and so little takes a clip.")
+             "can tell, and to show so little they need a clip.")
 
 # %% [markdown]
 # ## Run your drive
@@ -354,8 +355,10 @@ notebook.say(evaluate.table(rows))
 
 # %% [markdown]
 # The width hardly moves. A point of the road lies at $x = h\,(u - u_h)/(v - v_h)$, with the vanishing point $(u_h, v_h)$
-# of notebook 03, and a zoom enlarges both differences alike. But $y = h\,f/(v - v_h)$: all lengths *along* the road shrink to 80 %, and with them curvature and look-ahead go
-# wrong. The dashes give it away; so does a "nod", because the horizon is not in the middle of the frame and moves, too.
+# of notebook 03, and a zoom enlarges both differences alike. But $y = h\,f/(v - v_h)$: all lengths *along* the road
+# shrink to 80 %, and with them curvature and look-ahead go wrong. The dashes give it away, if you know your road's:
+# shrunk, these come close to another norm, 12.19 m. So does a "nod", because the horizon is not in the middle of the
+# frame and moves, too.
 # A stabiliser does the same, differently in every frame: switch it off.
 #
 # ### Exercise 3: the focal length after a zoom
@@ -431,7 +434,7 @@ print(summary)
 # ## How production systems do it
 #
 # Cameras are calibrated one by one at the end of the line, in front of targets, in seconds. The mounting is then
-# estimated on the road, all life long: vanishing point, lane width, the motion of the ground, as here in `lanelib rig`,
+# estimated on the road, as long as the car lives: vanishing point, lane width, the motion of the ground, as here in `lanelib rig`,
 # but continuously, because a car is loaded, its tyres age, and windscreens are replaced. When the estimate wanders too
 # far, the function switches itself off and says so.
 #
