@@ -161,6 +161,10 @@ class View:
         """The small bird's-eye view of a frame as given."""
         return cv2.remap(frame, *self._table, cv2.INTER_LINEAR)
 
+    def scan_undistorted(self, picture: np.ndarray) -> np.ndarray:
+        """The same of an undistorted picture or mask."""
+        return cv2.remap(picture, *self._undistorted_table, cv2.INTER_LINEAR)
+
     def paint_channels(self, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Brightness and yellowness, each (H, W) uint8, of the small bird's-eye view of a frame as given: BGR, or
         YUV420p where 2-D. What shines between two rows of the view is added to the brightness of one of them."""
@@ -231,10 +235,6 @@ class View:
         rows = pixels[..., 1]
         first = int(rows[rows >= 0].min(initial=half.size_wh[1] - 1))
         return first, (pixels - np.array([0, first], np.int16), parts)
-
-    def scan_undistorted(self, picture: np.ndarray) -> np.ndarray:
-        """The same of an undistorted picture or mask."""
-        return cv2.remap(picture, *self._undistorted_table, cv2.INTER_LINEAR)
 
     def around(self, mean: np.ndarray) -> View:
         """The same view, but only of the columns around the lane ``mean`` (7,): what tracking needs to look at."""
