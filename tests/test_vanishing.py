@@ -45,7 +45,7 @@ def test_points_of_two_lines_have_two_slopes(u0, v0, left, right):
     slopes = (np.arange(peaks.shape[1]) + 0.5) * SLOPE_BIN - SLOPE_REACH
     for s in (left, right):
         near = np.abs(slopes - s) < 1.5 * SLOPE_BIN
-        assert peaks[0, near].max() > 0.7 * len(v)
+        assert peaks[0, near].max() > 0.58 * len(v)  # half in each of two bins: 0.75, less 4 of 25 for the surroundings
         assert peaks[1, near].max() < 0.5 * peaks[0, near].max()
     assert peaks[0, np.abs(np.subtract.outer(slopes, (left, right))).min(axis=1) > 2 * SLOPE_BIN].max() == 0
 
