@@ -119,7 +119,7 @@ def simulated_frames(count: int) -> list[np.ndarray]:
         scene = Scene(
             road=road, pose=CarPose(5 + 1.1 * i, 0.2), mounting=Mounting(**mounting), size_wh=rig.size_wh,
             camera_matrix=tuple(map(tuple, rig.camera.camera_matrix)), distortion=tuple(rig.camera.distortion),
-            noise=1.5, seed=i)  # fmt: skip
+            noise=1.5, seed=i)
         frames.append(render_road(scene)[0])
     return frames
 

@@ -186,7 +186,7 @@ def files(rig: Rig, clip: Path, place: Path, rounds: int) -> dict[str, list[floa
                 "-threads", 1, "-i", clip, "-c:v", "libx264", "-preset", p, "-crf", 20, "-pix_fmt", "yuv420p",
                 "-movflags", "+faststart", place / "bare.mp4"),
             f"file to annotated file, {preset}": lambda p=preset: run_video(clip, place / "out.mp4", rig, preset=p),
-        }, rounds=rounds)  # fmt: skip
+        }, rounds=rounds)
     return taken
 
 

@@ -28,7 +28,7 @@ __all__ = [
 ]
 _MODULES = {"BirdsEye": "birdseye", "Grid": "birdseye", "Camera": "camera", "LanelibError": "errors",
             "LaneFinder": "finder", "Lane": "lane", "Line": "lane", "LaneResult": "result", "Rig": "rig",
-            "LaneTracker": "tracking"}  # fmt: skip
+            "LaneTracker": "tracking"}
 
 
 def __getattr__(name: str) -> object:

@@ -93,7 +93,7 @@ def look(rig: Rig, frames: list[np.ndarray]) -> list[JointFit]:
 
 def both_lines(fits: list[JointFit]) -> list[JointFit]:
     """Those with paint on both lines: one line and an assumed width do not show the height."""
-    return [fit for fit in fits if fit.support.sum(axis=1).min() > BOTH_LINES_ROWS]
+    return [fit for fit in fits if min(fit.rows) > BOTH_LINES_ROWS]
 
 
 def empty_inside(finder: LaneFinder, frame_bgr: np.ndarray, fit: JointFit) -> float:
@@ -106,7 +106,7 @@ def empty_inside(finder: LaneFinder, frame_bgr: np.ndarray, fit: JointFit) -> fl
         supported_rows(points, mean + inside * (2 * x - mean[WIDTH]))[0].sum(axis=1).max()
         for x in np.arange(0, 0.3 * mean[WIDTH], 0.1)
     ]
-    weaker = max(fit.support.sum(axis=1).min(), 1.0)
+    weaker = max(min(fit.rows), 1.0)
     return 1 - 0.6 * float(np.clip(max(supports) / weaker - 0.25, 0, 1))
 
 

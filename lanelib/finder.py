@@ -43,7 +43,8 @@ ONE_LINE_ROWS = 13.0
 MINIMUM_CONFIDENCE = 0.08  # lanes in glare and forest have 0.1 and more, specks on a road without paint 0.05
 MODELS = ("joint", "windows")
 ANOTHER_LANE_M = 0.1  # starts that lead to the same lane end nearer to each other than that, at 6 and at 20 m
-Channels = tuple[np.ndarray, np.ndarray]
+Channels = tuple[np.ndarray, np.ndarray]  # brightness and yellowness, (H, W) uint8 each
+Judged = tuple[JointFit | None, str, tuple[Check, ...]]  # a fit that passed every test, or None and why; the checks
 
 
 class LaneFinder:
@@ -54,7 +55,7 @@ class LaneFinder:
     "finder" (warp first) or "textbook" (undistort, threshold, warp). ``track=False`` looks at each frame on its own.
     ``smoothing``: see ``tracking``. ``neighbours``: how many lanes to look for on each side of the ego lane, 0-2; they
     cost a few milliseconds a frame and do not change the ego lane. ``fps``: how many frames a second are tracked.
-    Raises LanelibError for an unknown name and a rate that is none.
+    Raises LanelibError for an unknown name, and for a rate that is not above 0.
     """
 
     def __init__(
@@ -167,16 +168,18 @@ class LaneFinder:
         steps = threshold.paint_steps(undistorted, horizon_row=view.rig.birdseye.horizon_row_px, paint_slope=slope)
         return list(steps.values())[-1]
 
-    def _measure_joint(self, frame: np.ndarray, view: View):
+    def _measure_joint(self, frame: np.ndarray, view: View) -> Judged:
         """A fit that passes every test, or None; why not; the checks."""
         prediction = self.tracker.predict() if self.track else None
         return self._search(frame, view) if prediction is None else self._track(frame, view, prediction)
 
-    def _search(self, frame: np.ndarray, view: View):
+    def _search(self, frame: np.ndarray, view: View) -> Judged:
         """The best lane anywhere, as before the first frame."""
         return self._best(*self.points(frame, view), view)
 
-    def _best(self, points: Points, channels: Channels, view: View, *, least_energy: float = -math.inf, known=None):
+    def _best(
+        self, points: Points, channels: Channels, view: View, *, least_energy: float = -math.inf, known=None
+    ) -> Judged:
         """The best lane around the car that these paint points can be; starts estimated below ``least_energy``, and
         those that lead to the lane that is ``known``, are not followed."""
         prior = self.tracker.background
@@ -195,7 +198,7 @@ class LaneFinder:
                 return verdicts[-1]
         return verdicts[0] if verdicts else self._judge(None)
 
-    def _track(self, frame: np.ndarray, view: View, prediction: Prior):
+    def _track(self, frame: np.ndarray, view: View, prediction: Prior) -> Judged:
         """The lane near where it is predicted; now and then, and in doubt, a fresh search challenges it."""
         around = view.around(prediction.mean)
         points, channels = self.points(frame, around)
@@ -216,7 +219,7 @@ class LaneFinder:
                 return fresh
         return tracked
 
-    def _judge(self, fit: JointFit | None, *, begins: bool = False) -> tuple[JointFit | None, str, tuple[Check, ...]]:
+    def _judge(self, fit: JointFit | None, *, begins: bool = False) -> Judged:
         """The fit, or None and the reason why it is no lane; the sanity checks. ``begins``: it continues none."""
         if fit is None:
             return None, "no paint that could be a pair of lane lines", ()
@@ -233,7 +236,7 @@ class LaneFinder:
         return (fit, "", checks) if all(c.ok for c in checks) else (None, implausible(checks), checks)
 
     # ------------------------------------------------------------------ the classic model
-    def _measure_windows(self, frame: np.ndarray, view: View):
+    def _measure_windows(self, frame: np.ndarray, view: View) -> Judged:
         mask = view.metric.warp(self.mask(frame, view))
         last = view.lane(self.tracker.fit) if self.track and self.tracker.fit is not None else None
         pixels = windows.find_pixels(mask, view.metric.grid, (last.left, last.right) if last else None)

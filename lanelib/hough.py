@@ -146,8 +146,8 @@ def refined_lines(points: Points, lines: np.ndarray) -> np.ndarray:
 
 
 def first_apart(places: np.ndarray, least_m: np.ndarray, count: int) -> list[int]:
-    """Indices of the first ``count`` rows of (K, N) that differ from all chosen before in at least one column by more
-    than ``least_m`` (N,)."""
+    """Indices of the first ``count`` rows of (K, N) that differ from all chosen before by more than ``least_m`` (N,) in
+    a column."""
     found: list[int] = []
     others = np.arange(len(places))
     while len(others) and len(found) < count:

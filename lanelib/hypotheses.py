@@ -24,7 +24,8 @@ from lanelib.jointfit import (
 
 PARTNERS = 4  # a dash of our lane, of the next one, a speck: with few points the best of them is not always ours
 WIDTHS_PITCHES = np.array([(w, np.deg2rad(p)) for w in np.arange(2.6, 4.65, 0.15) for p in np.arange(-2.4, 2.41, 0.3)])
-ALIKE = np.abs(WIDTHS_PITCHES[:, None] - WIDTHS_PITCHES) @ (1, 40) <= 0.5  # which of them would lead to the same fit
+# which of them would lead to the same fit: within 0.5 m of width, or 0.7 degrees of pitch, or a part of each
+ALIKE = np.abs(WIDTHS_PITCHES[:, None] - WIDTHS_PITCHES) @ (1, 40) <= 0.5
 # starts whose landmarks (and pitches) are nearer than that lead to the same fit, as a rule
 APART_M, APART_PITCH = np.array([0.25, 0.25, 0.6, 0.6]), np.deg2rad(0.3)
 HOPELESS = 15.0  # starts estimated to be worth so much less than the best one do not win

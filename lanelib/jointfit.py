@@ -170,9 +170,12 @@ def centre_curvature(mean: np.ndarray, y_m) -> list[float]:
     return [-(2 * bend + 6 * rate * y) * (1 + slope * slope) ** -1.5 for y, slope in zip(y_m, slopes, strict=True)]
 
 
+SOLID = 0.25  # so much weight in a row is clear paint
+
+
 def farthest_paint(support, y0_of_row, mean, height_m, near_m) -> list[float]:
     """Distance of the farthest row with clear paint on either line (two rows together: a speck does not count)."""
-    clear = support > 0.25
+    clear = support > SOLID
     solid = clear[:, :-1] & clear[:, 1:]
     y = distance(1 / y0_of_row[solid.argmax(axis=1)], mean, height_m)
     return np.where(solid.any(axis=1), np.maximum(y, near_m), near_m).tolist()
@@ -239,7 +242,7 @@ def fit(
 def fits(
     points: Points, starts, *, prior: Prior = UNKNOWN_ROAD, gates=SEARCH_GATES, reach_m=SEARCH_REACH_M
 ) -> list[JointFit]:
-    """``fit`` from each of several ``starts`` (M, 7), all at once: numpy is asked a third as often."""
+    """``fit`` from each of several ``starts`` (M, 7), all at once, with a third of the calls into numpy."""
     if len(starts) == 0:
         return []
     mean = np.array(starts, float)
@@ -248,7 +251,6 @@ def fits(
     others = prior.information[RATE, RATE] - 1 / rate_variance  # what the prior of the other numbers says of the rate
     scale, weight = 1 / points.std, points.weight / NEIGHBOURS
     jacobian = np.empty((len(mean), 8, len(points)))  # and below it what is to be explained
-    normal = information
     for step, gate in enumerate(gates):
         information[:, RATE, RATE] = others + 1 / np.minimum(rate_variance, np.square(rate_std(mean)))
         if step < len(reach_m):

@@ -58,8 +58,9 @@ def paint_channels(bgr: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def ridge_response(channel: np.ndarray, *, column_m: float = 0.05, rows: int | None = None) -> np.ndarray:
     """Normalised ridge response z >= 0, (H, W) float32, of one channel (H, W) uint8 of a bird's-eye picture.
 
-    ``column_m``: metres per column. Two stripes are tried, a single line and one about three times as wide (two lines
-    and their gap, seen as one from afar); the better one counts. Columns too close to the picture's border read 0.
+    ``column_m``: metres per column. Two stripes are tried, a single line and one a little over twice as wide (two
+    lines and their gap, seen as one from afar); the better one counts. Columns too close to the picture's border
+    read 0.
     ``rows``: of each picture, where several stand below each other. Sums of integers throughout: exact, and several
     times faster than floating point (where paint is wider than 42 columns, of floats, which hold such integers).
     """
@@ -78,7 +79,7 @@ def ridge_response(channel: np.ndarray, *, column_m: float = 0.05, rows: int | N
 
     middle, left, right = at(0), at(-near), at(near)
     ridge = cv2.subtract(middle, cv2.max(left, right))
-    wide = cv2.add(cv2.add(at(-step), middle), at(step))  # the mean of three boxes side by side, times three
+    wide = cv2.add(cv2.add(at(-step), middle), at(step))  # the sum of three boxes that overlap by a column
     wide = cv2.addWeighted(wide, 1 / 3, cv2.max(at(-far), at(far)), -1, 0)
     texture = cv2.absdiff(cv2.add(middle, middle), cv2.add(left, right))  # twice |middle - mean of both sides|
     size = (round(TEXTURE_SIZE_M / column_m) | 1, TEXTURE_ROWS)

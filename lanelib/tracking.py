@@ -60,7 +60,7 @@ CALM_RAD = 0.0013
 BEARINGS = np.array([[1 / y, 1, y, y * y, side / 2 / y] for y in (6.0, 10.0, 20.0) for side in (-1, 1)])
 # Which numbers go on changing as they did. Bumps come without warning: pitch and hill are shown as seen.
 DRIFTS = np.array([0.98, 0.95, 0.95, 0.0, 0.0, 0.0, 0.0])
-LEARNED, LEARNING = [WIDTH, PITCH], 0.02  # of the drive: with a memory of 50 frames, quicker at its begin
+LEARNED, LEARNING = [WIDTH, PITCH], 0.02  # of the drive: with a memory of 50 frames, quicker at its beginning
 # Lanes of one drive differ less than those of all roads: this takes the place of the unknown road's spread of widths
 DRIVE_COVARIANCE = UNKNOWN_ROAD.covariance.copy()
 DRIVE_COVARIANCE[WIDTH, WIDTH] = 0.25**2

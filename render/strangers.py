@@ -117,7 +117,7 @@ def road_of(number: int, mounting: dict, develops: dict) -> dict:
         "woods": [wood | {"from": rng.uniform(5, 60)}], "grass": {"number": 3000, "left": 0.3},
         "hood": {"show": develops["bonnet"]}, "camera": own_camera | {"exposure": exposure},
         "cars": traffic_of(rng, left_m, lanes, own, width_m), "surface": surface,
-    })  # fmt: skip
+    })
 
 
 def render_strangers(cameras: int, *, first=UNSEEN, spp=6, folder=FOLDER):

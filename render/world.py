@@ -206,7 +206,7 @@ class World:
     def _on_road(self, xy):
         """Where a road winds, what stands far beside one part of it may stand on the next."""
         return bool(np.isin(_cell(np.asarray(xy) + [[i, j] for i in (-1.5, 0, 1.5) for j in (-1.5, 0, 1.5)]),
-                            self.asphalt).any())  # fmt: skip
+                            self.asphalt).any())
 
     def _over_road(self, points):
         """Which points (n, 3) hang over the road lower than its keeper lets them."""

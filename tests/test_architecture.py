@@ -153,7 +153,7 @@ def test_only_datasets_builds_paths_of_the_data_folders(module):
         docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
         joined = {id(end) for n in ast.walk(tree) if isinstance(n, ast.BinOp) for end in (n.left, n.right)}
         joined |= {id(argument) for node in ast.walk(tree) if isinstance(node, ast.Call) for argument in node.args
-                   if isinstance(node.func, ast.Name) and node.func.id == "Path"}  # fmt: skip
+                   if isinstance(node.func, ast.Name) and node.func.id == "Path"}
         for node in ast.walk(tree):
             if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docstrings:
                 # Alone, such a word may be an attribute's name; with a slash before or after it, it is a path. What

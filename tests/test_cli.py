@@ -122,7 +122,7 @@ def test_help_tells_every_exit_code_and_no_option_of_another_command(capsys):
     (["calibrate", "x", "--board", "9", "-o", "y"], "9x6"), (["calibrate", "x", "--square", "0", "-o", "y"], "above 0"),
     (["video", "x", "--jobs", "0"], "whole number"), (["live", "0", "--port", "70000"], "65535"),
     (["image", ""], "empty name"),
-])  # fmt: skip
+])
 def test_wrong_arguments_are_one_line(capsys, arguments, match):
     refused(capsys, *arguments, match=match)
 
@@ -514,7 +514,7 @@ def test_jobs_keep_the_rows_of_what_was_begun(place, clip, capsys, monkeypatch):
     monkeypatch.setattr(commands, "probe", lambda path: SimpleNamespace(size_wh=SIZE_WH))
     names = ["a.mp4", "b.mp4", "c.mp4"]
     _, err = run("video", *names, "--rig", "rig.json", "--no-video", "--json", "l.jsonl", "--jobs", 2, code=130,
-                 capsys=capsys)  # fmt: skip
+                 capsys=capsys)
     assert "l.partial.jsonl" in err and not Path("l.jsonl").exists()
     rows = Path("l.partial.jsonl").read_text().splitlines()
     assert [json.loads(row)["raw_file"][:5] for row in rows] == ["a.mp4", "b.mp4"]
@@ -658,7 +658,7 @@ def test_fetch_knows_its_names(capsys):
     (RuntimeError("boom\nbang"), 1, "a fault of lanelib (RuntimeError: boom bang)"),
     (MemoryError(), 1, "not enough memory"), (KeyboardInterrupt(), 130, "interrupted"),
     (PermissionError(13, "Permission denied", "secret"), 2, "secret: Permission denied"),
-])  # fmt: skip
+])
 def test_every_end_is_one_line(monkeypatch, capsys, error, code, text):
     def fail(*_):
         raise error

@@ -95,7 +95,7 @@ def test_only_the_lane_s_bounding_box_changes_without_text():
 @given(
     left=st.floats(-0.2, 0.4), right=st.floats(0.6, 1.2), far=st.floats(0.2, 0.7),
     size=st.sampled_from([(640, 360), (1000, 400), (500, 700)]),
-)  # fmt: skip
+)
 def test_lines_lie_where_the_result_says(left, right, far, size):
     result = straight_lane(size, left=left, right=right, far=far)
     picture = draw.overlay(np.zeros((size[1], size[0], 3), np.uint8), result, text=False)
@@ -321,7 +321,7 @@ def test_a_layer_is_cut_at_the_frame_s_edge():
         (999.7, -1e-3, "R 1.00 km right"), (None, None, ""),
         (9997.0, 1.1e-4, "R 10.0 km left"), (31.4, 1 / 31.4, "R 31 m left"),
     ],
-)  # fmt: skip
+)
 def test_radius_in_words(radius_m, curvature, words):
     assert draw.radius_text(radius_m, curvature) == words
 

@@ -18,7 +18,7 @@ from lanelib.exercises.judges import array, choice, first_failed, function, homo
 from lanelib.exercises.verdict import Verdict, not_yet, right
 
 ANYTHING = [None, ..., 3, -1.5, math.nan, math.inf, "text", b"x", [], [1, [2]], {}, object(), np.zeros((2, 3)),
-            np.zeros((4, 4), complex), np.array(["a"]), int, lambda: None, lambda *a: 1 / 0, True]  # fmt: skip
+            np.zeros((4, 4), complex), np.array(["a"]), int, lambda: None, lambda *a: 1 / 0, True]
 CHECKERS = [name for name in exercises.__all__ if name.startswith("check_")]
 
 

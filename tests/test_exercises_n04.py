@@ -41,7 +41,7 @@ def test_start_columns():
     (lambda a, sx, sy: a / sy**2, "missing"),
     (lambda a, sx, sy: a * sy**2 / sx, "inverse"),
     (lambda a, sx, sy: -a * sx / sy**2, "sign"),
-])  # fmt: skip
+])
 def test_bend_in_metres(wrong, hint):
     assert exercises.check_bend_in_metres(lambda a, sx, sy: a * sx / sy**2)
     verdict = exercises.check_bend_in_metres(wrong)
@@ -72,7 +72,7 @@ def mean_radius(left, right):
     (lambda left, right: mean_curvature(left, right) / 2, "2 A"),
     (lambda left, right: 2 * mean_curvature(left, right), "mean"),
     (lambda left, right: 1 / mean_curvature(left, right), "radius"),
-])  # fmt: skip
+])
 def test_curvature_of_lane(wrong, hint):
     assert exercises.check_curvature_of_lane(mean_curvature)
     assert exercises.check_curvature_of_lane(lambda left, right: np.float32(mean_curvature(left, right)))
@@ -97,7 +97,7 @@ def test_offset_and_width():
 # ------------------------------------------------------------------ one lane
 def shared(left_xy, right_xy):
     rows = [np.column_stack([np.ones(len(p)), p[:, 1], p[:, 1] ** 2, np.full(len(p), s / 2)])
-            for s, p in ((-1, left_xy), (1, right_xy))]  # fmt: skip
+            for s, p in ((-1, left_xy), (1, right_xy))]
     return np.linalg.lstsq(np.vstack(rows), np.concatenate([left_xy[:, 0], right_xy[:, 0]]), rcond=None)[0]
 
 
@@ -154,7 +154,7 @@ def test_fit_shared_wrong():
     ("offset_and_width",
      lambda left, right: (-(left[2] + right[2]) / 2, (right[2] - left[2]) / (1 + left[1] ** 2)), "the root of"),
     ("bend_in_metres", lambda a, sx, sy: a * sx, "the rows' scale is missing"),
-])  # fmt: skip
+])
 def test_hints_by_value(name, wrong, hint):
     verdict = getattr(exercises, f"check_{name}")(wrong)
     assert not verdict and hint in verdict.hint, verdict
@@ -162,14 +162,14 @@ def test_hints_by_value(name, wrong, hint):
 
 def everything(left_xy, right_xy):
     rows = [np.column_stack([np.ones(len(xy)), xy[:, 1], xy[:, 1] ** 2, np.full(len(xy), side / 2)])
-            for side, xy in ((-1, left_xy), (1, right_xy))]  # fmt: skip
+            for side, xy in ((-1, left_xy), (1, right_xy))]
     return np.linalg.lstsq(np.vstack(rows), np.concatenate([left_xy[:, 0], right_xy[:, 0]]), rcond=None)
 
 
 @pytest.mark.parametrize(("change", "hint"), [
     ([1, 1, 1, -1], "the width's sign"), ([1, 1, -2, 1], "this is the curvature"), ([1, 1, 2, 1], "twice the bend"),
     ([1, -1, 1, 1], "the heading's sign"),
-])  # fmt: skip
+])
 def test_a_shared_fit_is_judged_number_by_number(change, hint):
     assert exercises.check_fit_shared(lambda left, right: everything(left, right)[0])
     assert hint in exercises.check_fit_shared(lambda left, right: everything(left, right)[0] * change).hint

@@ -61,7 +61,7 @@ def fuse(a, var_a, b, var_b):
     (lambda a, u, b, v: (a / u + b / v, u * v / (u + v)), "sum of the weights"),
     (lambda a, u, b, v: fuse(a, u, b, v)[0], "a pair"),
     (lambda a, u, b, v: (fuse(a, u, b, v)[0], (u * v / (u + v)) ** 0.5), "variance"),
-])  # fmt: skip
+])
 def test_fuse(wrong, hint):
     assert exercises.check_fuse(fuse)
     verdict = exercises.check_fuse(wrong)
@@ -171,7 +171,7 @@ def test_every_way_to_smooth_has_its_own_colour():
     assert set(SMOOTHING) < set(SMOOTHER_COLOURS)
     assert len(set(SMOOTHER_COLOURS.values())) == len(SMOOTHER_COLOURS)
     figure = figures.curves([0, 1], {"kalman": [1, 2], "truth": [1, 1], "more": [2, 2]}, truth="truth",
-                            colours=SMOOTHER_COLOURS | {"truth": "#ff0000"})  # fmt: skip
+                            colours=SMOOTHER_COLOURS | {"truth": "#ff0000"})
     kalman, truth, _ = figure.axes[0].lines
     assert kalman.get_color() == SMOOTHER_COLOURS["kalman"] and truth.get_color() == PALETTE["truth"]
 

@@ -170,7 +170,7 @@ def test_clauses_are_broken_apart_but_not_in_brackets():
     said = n08.Said("lanelib rig a.jpg", "height 1.2 m; focal 1109 px (assumed; by dashes 945); from 2 (of 2) frames")
     assert said.clauses.text.splitlines() == [
         "height 1.2 m;", "    focal 1109 px (assumed; by dashes 945);", "    from 2 (of 2) frames"
-    ]  # fmt: skip
+    ]
     wide = n08.Said("lanelib rig " + "picture.jpg " * 12, "word " * 40)
     for last in ("-o my_rig.json", "--lane-width 3.66"):  # nor between an option and its value
         assert n08.Said(f"lanelib rig {'a ' * 37}{last}", "").clauses.words.endswith(f" a \\\n    {last}")

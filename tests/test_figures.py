@@ -27,7 +27,7 @@ ROWS = [
     {"curvature_1pm": None if i == 5 else 0.001 * i, "offset_m": 0.1 * i, "time_s": i / 10,
      "status": "none" if i == 5 else "held" if i in (2, 3) else "measured"}
     for i in range(9)
-]  # fmt: skip
+]
 VIEWS = [
     BoardView("calibration10.jpg", True, "", 0.8, (9, 6), np.random.default_rng(1).random((54, 2)) * 80),
     BoardView("calibration2.jpg", True, "", 0.5, (9, 6), np.random.default_rng(2).random((54, 2)) * 80),

@@ -40,7 +40,7 @@ def test_gradients_have_a_scale_each():
     figure = n02.gradients(FRAME, sobel(FRAME[:, :, 0]), top=30)
     scales = [axes for axes in figure.axes if axes.get_ylabel()]
     assert [(a.get_ylabel(), a.get_ylim()) for a in scales] == [
-        ("grey levels a pixel", (0, 30)), ("grey levels a pixel", (0, 30)), ("degrees", (0, 90))]  # fmt: skip
+        ("grey levels a pixel", (0, 30)), ("grey levels a pixel", (0, 30)), ("degrees", (0, 90))]
     assert plt.get_fignums() == []
 
 

@@ -72,7 +72,7 @@ def test_text_of_ordinary_files_is_read_whole(place):
     "image {} --rig rig.json -o out.png", "image road.png --rig {} -o out.png", "video {} --rig rig.json -o out.mp4",
     "video clip.mp4 --rig {} -o out.mp4", "calibrate {} -o out.json", "rig {} --camera none -o out.json",
     "rig road.png --camera {} -o out.json", "evaluate {} --rig rig.json",
-])  # fmt: skip
+])
 @pytest.mark.parametrize("name", ["pipe", "/dev/zero", "huge"])
 def test_neither_is_waited_for_by_a_command(place, capsys, line, name):
     assert cli.main(line.format(name).split()) == 2

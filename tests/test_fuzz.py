@@ -152,7 +152,7 @@ def test_every_tiny_picture(name):
 @pytest.mark.parametrize("finder", [
     LaneFinder(RIG), LaneFinder(RIG, order="textbook"), LaneFinder(RIG, recipe="clahe-colour-sobel"),
     LaneFinder(RIG, smoothing="average"),
-], ids=["finder's order", "textbook order", "classic", "average"])  # fmt: skip
+], ids=["finder's order", "textbook order", "classic", "average"])
 def test_any_array_into_the_finder(finder):
     """Never an exception at all, and no NaN in what is reported: one after the other into one tracker."""
 
@@ -220,7 +220,7 @@ def test_points_map_as_opencv_maps_them_below_the_horizon(h, w, seed):
 
 @fuzz(60)
 @given(focal=st.one_of(st.floats(20, 2000), ANY), centre=st.tuples(ANY, ANY), lens=st.lists(ANY, max_size=6),
-       size=st.tuples(st.integers(-5, 400), st.integers(-5, 300)))  # fmt: skip
+       size=st.tuples(st.integers(-5, 400), st.integers(-5, 300)))
 def test_any_calibration(focal, centre, lens, size):
     made = answer(lambda: Camera([[focal, 0, centre[0]], [0, focal, centre[1]], [0, 0, 1]], lens, size))
     if made is None:
@@ -257,7 +257,7 @@ def test_any_lens(lens, focal):
 
 @fuzz(60)
 @given(a=st.lists(st.floats(-3, 3), min_size=3, max_size=4), b=st.lists(st.floats(-3, 3), min_size=3, max_size=4),
-       reach=st.floats(3, 200))  # fmt: skip
+       reach=st.floats(3, 200))
 def test_any_pair_of_polynomials_is_a_lane_with_numbers(a, b, reach):
     """Lines that cross, run away or coincide: every figure is a number, the radius positive, and it can be drawn."""
     lane = Lane(Line(a, (2.0, reach)), Line(b, (2.0, reach)))
@@ -279,11 +279,11 @@ def test_any_points_give_a_line_or_a_reason(xy):
 
 @fuzz(12)
 @given(curvatures=st.lists(st.floats(-0.02, 0.02), min_size=1, max_size=4), light=st.floats(0, 30),
-       noise=st.floats(0, 5), paint_=st.booleans())  # fmt: skip
+       noise=st.floats(0, 5), paint_=st.booleans())
 def test_any_road_any_light(curvatures, light, noise, paint_):
     line = {} if paint_ else {"left": None, "right": None, "others": ()}
     scene = Scene(road=road.Road([20.0 * i for i in range(len(curvatures))], curvatures), light=light, noise=noise,
-                  size_wh=SIZE_WH, camera_matrix=CAMERA.camera_matrix.tolist(), **line)  # fmt: skip
+                  size_wh=SIZE_WH, camera_matrix=CAMERA.camera_matrix.tolist(), **line)
     drawn = answer(render_road, scene)
     if drawn is not None:
         result = LaneFinder(RIG).process(drawn[0])
@@ -312,7 +312,7 @@ def damage(draw_):
     kind = draw_(st.sampled_from(["overwrite", "cut", "remove", "insert", "number", "swap"]))
     at, new = draw_(st.floats(0, 1)), draw_(st.binary(min_size=1, max_size=8))
     n, value = draw_(st.integers(1, 64)), draw_(st.sampled_from(
-        [b"0", b"-1", b"1e999", b"NaN", b"null", b"[]", b"1e-300", b"9999999999", b'"x"', b"{}"]))  # fmt: skip
+        [b"0", b"-1", b"1e999", b"NaN", b"null", b"[]", b"1e-300", b"9999999999", b'"x"', b"{}"]))
 
     def apply(data: bytes) -> bytes:
         i = int(at * (len(data) - 1))
@@ -321,7 +321,7 @@ def damage(draw_):
             end = next((j for j in range(begin, len(data)) if data[j : j + 1] not in b"0123456789.e-+"), begin)
             return data[:begin] + value + data[max(end, begin + 1) :]
         return {"overwrite": data[:i] + new + data[i + len(new) :], "cut": data[:i], "remove": data[:i] + data[i + n :],
-                "insert": data[:i] + new * n + data[i:], "swap": data[i:] + data[:i]}[kind]  # fmt: skip
+                "insert": data[:i] + new * n + data[i:], "swap": data[i:] + data[:i]}[kind]
 
     return apply
 
@@ -334,7 +334,7 @@ def read_all(path):
 LOADERS = {
     "road.jpg": (read_image, 60), "road.png": (read_image, 60), "rig.json": (Rig.load, 120),
     "camera.json": (Camera.load, 120), "clip.mp4": (read_all, 20),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", LOADERS)

@@ -101,7 +101,7 @@ def test_a_dashed_line_beyond_is_found_where_it_is(width, offset, curvature, sid
     assert len(off) >= 4 and np.abs(off).mean() < 4.0
     y = np.array([8.0, 25.0])
     true = frame_truth(scene.road, scene.pose, scene.mounting, scene.camera_matrix, scene.distortion, (1280, 720),
-                       Marking(d), Marking(1.83))["lanes_road_m"][0]  # fmt: skip
+                       Marking(d), Marking(1.83))["lanes_road_m"][0]
     assert np.abs(found[0].line.x(y) - np.interp(y, *np.array(true).T[::-1])).max() < 0.3
 
 
@@ -116,7 +116,7 @@ def test_both_sides_two_lanes_each_and_their_colours():
     two = neighbours_in(scene, neighbours=2).neighbours
     assert [(n.side, n.place, n.colour, n.across) for n in two] == [
         (-1, 1, "white", "white"), (-1, 2, "white", "white"), (1, 1, "white", "yellow")
-    ]  # fmt: skip
+    ]
     assert [n.width_m for n in two] == pytest.approx([3.25, 3.4, 3.6], abs=0.1)
     one = neighbours_in(scene, neighbours=True).neighbours
     assert [(n.side, n.place) for n in one] == [(-1, 1), (1, 1)]
@@ -234,7 +234,7 @@ def test_rendered_stills():
             # from the car outwards; double lines count as one
             lines = sorted((m for m in markings if side * m["d"] > 0), key=lambda m: abs(m["d"]))
             lines = [m for m, before in zip(lines, [None, *lines], strict=False)
-                     if before is None or abs(m["d"] - before["d"]) > 0.4]  # fmt: skip
+                     if before is None or abs(m["d"] - before["d"]) > 0.4]
             there += len(lines) > 1
             for place in (1, 2):
                 n = found.pop((side, place), None)

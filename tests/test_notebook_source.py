@@ -104,7 +104,7 @@ def test_notebooks_from_a_source():
 
 def test_links_between_notebooks():
     first, middle, last = (source.navigation(stem) for stem in ("00_find_a_lane", "03_warp_to_a_birds_eye_view",
-                                                                "08_use_your_own_camera"))  # fmt: skip
+                                                                "08_use_your_own_camera"))
     assert "←" not in first and "](01_calibrate_the_camera.ipynb)" in first
     assert "](02_threshold.ipynb)" in middle and "](04_detect_the_lane.ipynb)" in middle
     assert "](00_find_a_lane.ipynb#The-map-of-the-course)" in middle

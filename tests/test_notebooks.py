@@ -231,7 +231,7 @@ def names(tree: ast.Module) -> tuple[set[str], set[str]]:
     stores = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
     loads = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Load)}
     bound |= stores | {alias.asname or alias.name for n in ast.walk(tree) if isinstance(n, ast.Import | ast.ImportFrom)
-                       for alias in n.names}  # fmt: skip
+                       for alias in n.names}
     return bound, loads - bound - set(dir(builtins))
 
 

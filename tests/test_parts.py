@@ -45,7 +45,7 @@ def test_only_what_is_clearly_abandoned_goes(tmp_path, dead):
     stays = {f".out.mp4.{os.getpid()}.part.mp4", f".out.mp4.{os.getppid()}.abcd1234.part", ".out.mp4.part.mp4",
              f".other.mp4.{dead}.part.mp4", f".out.mp4.{dead}.1.part.mp4", f".out.mp4.5.{dead}.part",
              f"out.mp4.{dead}.part", f".out.mp4.{dead}.part.mp4.bak", f".out.mp4.{'9' * 30}.part", "out.mp4",
-             f".outXmp4.{dead}.part", f".out.mp4.{dead}.partial"}  # fmt: skip
+             f".outXmp4.{dead}.part", f".out.mp4.{dead}.partial"}
     for name in gone | stays:
         (tmp_path / name).write_text("")
     (tmp_path / f".out.mp4.{dead}.abcdefgh.part").mkdir()  # a folder is nobody's unfinished file

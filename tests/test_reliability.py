@@ -86,10 +86,10 @@ def test_a_looped_clip_keeps_frames_times_and_memory(tmp_path):
     ({"code": 2}, "code 2"),
     ({"misplaced": 1}, "not the frame"), ({"worst_time_ms": 0.5}, "0.500 ms"), ({"sound_off_s": 1.0}, "sound off"),
     ({"said": "lanelib: damaged"}, "damaged"), ({"worst_time_ms": float("nan")}, "nan"),
-])  # fmt: skip
+])
 def test_a_fault_of_the_long_clip_is_named(change, words):
     good = {"frames": 100, "fps": 25, "rows": 100, "in_order": 100, "written": 100, "code": 0, "misplaced": 0,
-            "worst_time_ms": 0.01, "sound_off_s": 0.0}  # fmt: skip
+            "worst_time_ms": 0.01, "sound_off_s": 0.0}
     assert not longrun.LongRun(**good).faults()
     faults = longrun.LongRun(**good | change).faults()
     assert len(faults) == 1 and words in faults[0]

@@ -32,7 +32,7 @@ def png(size_wh, *, bits=1) -> bytes:
     row = bytes(1 + (width * bits + 7) // 8)
     body = b"".join(packer.compress(row * min(500, height - y)) for y in range(0, height, 500))
     chunks = [(b"IHDR", struct.pack(">IIBBBBB", width, height, bits, 0, 0, 0, 0)), (b"IDAT", body + packer.flush()),
-              (b"IEND", b"")]  # fmt: skip
+              (b"IEND", b"")]
     return b"\x89PNG\r\n\x1a\n" + b"".join(
         struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks
     )
@@ -79,7 +79,7 @@ def film(path: Path, codec: str, size_wh) -> Path:
     for was, now in ((struct.pack(">HH", 96, 160), struct.pack(">HH", size_wh[1], size_wh[0])),
                      (struct.pack(">HH", 160, 96), struct.pack(">HH", *size_wh)),
                      (struct.pack("<ii", 160, 96), struct.pack("<ii", *size_wh)),
-                     (struct.pack(">II", 160, 96), struct.pack(">II", *size_wh))):  # fmt: skip
+                     (struct.pack(">II", 160, 96), struct.pack(">II", *size_wh))):
         data = data.replace(was, now)
     path.write_bytes(data)
     return path
@@ -102,11 +102,11 @@ except LanelibError as error:
 @pytest.mark.parametrize("name, codec", [
     ("bomb.avi", "mjpeg"), ("bomb.mov", "mjpeg"), ("bomb.mov", "png"), ("bomb.avi", "rawvideo"), ("bomb.avi", "ffv1"),
     ("bomb.mkv", "mjpeg"),
-])  # fmt: skip
+])
 def test_a_film_that_says_it_is_huge(tmp_path, name, codec):
     """Refused with the size, in little memory and one line."""
     path = film(tmp_path / name, codec, HUGE_WH)
     done = subprocess.run([sys.executable, "-c", PROGRAM, path, str(LIMIT_BYTES)], capture_output=True, text=True,
-                          timeout=120, env={**os.environ, "PYTHONPATH": str(ROOT)})  # fmt: skip
+                          timeout=120, env={**os.environ, "PYTHONPATH": str(ROOT)})
     assert done.returncode == 0 and done.stdout.count("\n") == 1 and not done.stderr, done.stderr[-500:]
     assert done.stdout.startswith("refused") and "60000x50000" in done.stdout

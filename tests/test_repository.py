@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 DATA = ("camera_cal", "test_images", "test_videos", "output_images", "output_videos")
 # Written in two halves, or this file would find itself.
 REGISTRIES = [a + b for a, b in [("pypi", ".org"), ("pythonhosted", ".org"), ("npmjs", ".org"), ("npmjs", ".com"),
-                                 ("deb.debian", ".org"), ("anaconda", ".org"), ("crates", ".io")]]  # fmt: skip
+                                 ("deb.debian", ".org"), ("anaconda", ".org"), ("crates", ".io")]]
 # What no file may be called on Windows, whatever its ending.
 NO_NAME = re.compile(r'[<>:"|?*\\\x00-\x1f]|[. ]$|^(con|prn|aux|nul|com\d|lpt\d)(\.|$)', re.IGNORECASE)
 MACHINE = re.compile(r"(?<![\w.:/-])/(?:wo" + r"rk|tm" + r"p|ro" + r"ot|ho" + r"me/\w+|Us" + r"ers/\w+|fa" + r"rm)/")

@@ -770,7 +770,7 @@ def test_matroska_header_is_what_ffmpeg_reads(tmp_path):
 def test_rows_above_the_first_are_zeros_and_the_others_as_they_are(tmp_path, size_wh, first_row):
     path = clips.clip(tmp_path / "a.mkv", n_frames=4, size_wh=size_wh, pix_fmt="yuv444p", options=["-qp", 0])
     with read_frames(path, pixel_format="yuv420p") as whole, read_frames(
-            path, pixel_format="yuv420p", first_row=first_row) as part:  # fmt: skip
+            path, pixel_format="yuv420p", first_row=first_row) as part:
         pairs = list(zip(whole, part, strict=True))
     assert len(pairs) == 4 and whole.info.size_wh == size_wh
     for full, cut in pairs:

@@ -116,7 +116,7 @@ def prepare(place: Path) -> None:
     """What the commands work on, in the folder `place`."""
     rig = make_rig("mine")
     for folder in ("boards", "tmp", "data/camera_cal/mine", "data/test_images/mine", "data/test_videos/mine",
-                   "data/rigs"):  # fmt: skip
+                   "data/rigs"):
         (place / folder).mkdir(parents=True)
     rig.save(place / "rig.json")
     rig.save(place / "data/rigs/mine.json")
@@ -132,7 +132,7 @@ def prepare(place: Path) -> None:
             cv2.imwrite(str(place / f"data/test_images/mine/road{i}.png"), frame)
     for i in range(6):
         board = chessboards.render((0.3 - 0.12 * i, 0.35 - 0.15 * i, 0.1 * i), (0.2 * i - 0.3, 0.1, 14.0),
-                                   board_wh=(9, 6), seed=i)  # fmt: skip
+                                   board_wh=(9, 6), seed=i)
         cv2.imwrite(str(place / f"boards/b{i}.png"), board)
         if i < 4:
             cv2.imwrite(str(place / f"data/camera_cal/mine/b{i}.png"), board)
@@ -143,10 +143,10 @@ def start(name: str, place: Path, server: SlowServer) -> subprocess.Popen:
     sums = {path: hashlib.sha256(data).hexdigest() for path, data in FETCHED.items()}
     env = {**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(place / "tmp"), "LANELIB_DATA": str(place / "data"),
            "LANELIB_UDACITY_URL": f"http://127.0.0.1:{server.server_port}", "NO_PROXY": "127.0.0.1",
-           "TEST_MANIFEST": json.dumps(sums)}  # fmt: skip
+           "TEST_MANIFEST": json.dumps(sums)}
     line = COMMANDS[name].format(pictures=" ".join(sorted(p.name for p in place.glob("road*.png"))))
     process = subprocess.Popen([sys.executable, "-c", PROGRAM, *line.split()], cwd=place, env=env,
-                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)  # fmt: skip
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     process.stdout.read(1)
     return process
 

@@ -108,7 +108,7 @@ class LongRun:
             "| after | " + " | ".join(f"{name}, MB" for name in ROLES) + " | together, MB |",
             "|---|" + "---:|" * (len(ROLES) + 1),
             *("| " + " | ".join(row) + " |" for row in rows), "",
-            "Faults: " + ("; ".join(self.faults()) or "none") + ".", ""])  # fmt: skip
+            "Faults: " + ("; ".join(self.faults()) or "none") + ".", ""])
 
 
 def drive() -> Iterator[np.ndarray]:
@@ -134,13 +134,13 @@ def make_clip(place: Path, hours: float, fps: int) -> tuple[Path, int]:
     clips.ffmpeg("-f", "rawvideo", "-pix_fmt", "bgr24", "-s", f"{SIZE_WH[0]}x{SIZE_WH[1]}", "-r", fps, "-i", "pipe:0",
                  "-vf", f"settb=1/1000,setpts=N*{1000 // fps}+mod(N*7\\,11)", "-fps_mode", "passthrough",
                  "-enc_time_base", "1/1000", "-c:v", "libx264", "-preset", "veryfast", "-crf", 18, "-pix_fmt",
-                 "yuv420p", "-video_track_timescale", 90000, place / "loop.mp4", data=raw)  # fmt: skip
+                 "yuv420p", "-video_track_timescale", 90000, place / "loop.mp4", data=raw)
     film_s = loops * LOOP / fps
     subprocess.run([ffmpeg_exe(), "-hide_banner", "-loglevel", "error", "-y", "-stream_loop", str(loops - 1),
                     "-i", file_url(place / "loop.mp4"), "-f", "lavfi", "-t", f"{film_s:.3f}", "-i",
                     "sine=frequency=330:sample_rate=8000", "-map", "0:v", "-map", "1:a", "-c:v", "copy", "-c:a", "aac",
                     "-b:a", "16k", file_url(place / "hours.mp4")],
-                   check=True, stdin=subprocess.DEVNULL)  # fmt: skip
+                   check=True, stdin=subprocess.DEVNULL)
     return place / "hours.mp4", loops * LOOP
 
 
@@ -160,7 +160,7 @@ def read_numbers(video: Path) -> np.ndarray:
     done = subprocess.run([ffmpeg_exe(), "-hide_banner", "-loglevel", "error", "-nostdin", "-threads", "1", "-i",
                            file_url(video), "-map", "0:v:0", "-vf", f"crop={width}:{height}:{x}:{y},"
                            f"scale={BITS}:1:flags=area,format=gray", "-fps_mode", "passthrough", "-f", "rawvideo",
-                           "pipe:1"], check=True, stdout=subprocess.PIPE)  # fmt: skip
+                           "pipe:1"], check=True, stdout=subprocess.PIPE)
     bits = np.frombuffer(done.stdout, np.uint8).reshape(-1, BITS) > 127
     return bits @ (1 << np.arange(BITS))
 
@@ -169,7 +169,7 @@ def sound_s(video: Path) -> float:
     """How long the sound track is, from its packets."""
     done = subprocess.run([ffmpeg_exe(), "-hide_banner", "-loglevel", "error", "-nostdin", "-i", file_url(video),
                            "-map", "0:a:0", "-c", "copy", "-f", "framecrc", "pipe:1"],
-                          check=True, capture_output=True, text=True)  # fmt: skip
+                          check=True, capture_output=True, text=True)
     base = next(line for line in done.stdout.splitlines() if line.startswith("#tb 0: ")).split()[2]
     last = done.stdout.splitlines()[-1].split(",")
     tick_s = int(base.split("/")[0]) / int(base.split("/")[1])
@@ -183,7 +183,7 @@ def long_run(start, place: Path, hours: float, *, fps: int = 25) -> LongRun:
     run = LongRun(frames, fps)
     begin = time.monotonic()
     process = start("video", source.name, "--rig", "long_rig.json", "-o", "out.mp4", "--json", "out.jsonl", "--quiet",
-                    cwd=place)  # fmt: skip
+                    cwd=place)
     watched = psutil.Process(process.pid)
     while process.poll() is None:
         with contextlib.suppress(psutil.Error):

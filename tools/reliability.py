@@ -150,7 +150,7 @@ def worker(name: str, seconds: float, seed: int) -> None:
             one()
         left = {"handles": max(0, me.num_fds() - before[0]), "processes": len(me.children(recursive=True)),
                 "threads": max(0, me.num_threads() - before[1]),
-                "files": sum(1 for p in Path(folder).iterdir() if ".part" in p.name)}  # fmt: skip
+                "files": sum(1 for p in Path(folder).iterdir() if ".part" in p.name)}
         os.chdir(ROOT)
     said = {key: getattr(tried, key) for key in ("inputs", "results", "refused", "faults", "slowest_s")}
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
@@ -172,7 +172,7 @@ def arrays(rng, tried, place):
 def finders(rng, tried, place):
     """Several finders that keep their trackers throughout: nothing, noise, roads, other sizes, one after the other."""
     options = [{}, {"order": "textbook"}, {"recipe": "clahe-colour-sobel"}, {"recipe": "sobel-or-colour"},
-               {"smoothing": "average"}, {"smoothing": "exponential"}, {"track": False}]  # fmt: skip
+               {"smoothing": "average"}, {"smoothing": "exponential"}, {"track": False}]
     all_ = [LaneFinder(fuzz.RIG, **o) for o in options]
 
     def look(finder, array, planes):
@@ -203,11 +203,11 @@ def numbers(rng, tried, place):
         tried.call("homography", lambda: use(Rig(fuzz.CAMERA, BirdsEye(matrix, fuzz.SIZE_WH))))
         f = abs(values[9])
         tried.call("camera", lambda: Camera([[f, 0, values[10]], [0, f, values[11]], [0, 0, 1]], values[12:17],
-                                            fuzz.SIZE_WH).undistort(fuzz.ROAD_BGR))  # fmt: skip
+                                            fuzz.SIZE_WH).undistort(fuzz.ROAD_BGR))
         lens = np.array(values[12:17]) / 1e3
         tried.call("lens", lambda: use(Rig(Camera(fuzz.CAMERA.camera_matrix, lens, fuzz.SIZE_WH), fuzz.RIG.birdseye)))
         tried.call("mounting", lambda: use(Rig(fuzz.CAMERA, BirdsEye.from_mounting(
-            fuzz.CAMERA, height_m=values[0], pitch_deg=values[1], yaw_deg=values[2], roll_deg=values[3]))))  # fmt: skip
+            fuzz.CAMERA, height_m=values[0], pitch_deg=values[1], yaw_deg=values[2], roll_deg=values[3]))))
 
     return one
 
@@ -271,7 +271,7 @@ def lanelib(*arguments: object, **options) -> subprocess.Popen:
     program = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); import lanelib.__main__ as m"
     return subprocess.Popen([sys.executable, "-c", f"{program}; m.sys.exit(m.main())", *map(str, arguments)],
                             env={**os.environ, "PYTHONPATH": str(ROOT)}, text=True, stdout=subprocess.DEVNULL,
-                            stderr=subprocess.PIPE, **options)  # fmt: skip
+                            stderr=subprocess.PIPE, **options)
 
 
 def full_disk(place: Path) -> dict:
@@ -288,7 +288,7 @@ def full_disk(place: Path) -> dict:
                          "image big.jpg --rig rig.json -o disk/out.png --stages --json disk/out.jsonl",
                          "video long.mp4 --rig rig.json -o disk/out.mp4",
                          "video long.mp4 --rig rig.json --no-video --json disk/out.jsonl",
-                         "rig big.jpg --camera camera.json -o disk/out.json"):  # fmt: skip
+                         "rig big.jpg --camera camera.json -o disk/out.json"):
                 process = lanelib(*line.split(), cwd=place)
                 try:
                     err = process.communicate(timeout=180)[1]
@@ -348,7 +348,7 @@ def bad_input(minutes: float, seed: int) -> str:
         "| " + " | ".join(head) + " |", "|---|" + "---:|" * (len(head) - 1),
         *("| " + " | ".join(row) + " |" for row in rows),
         "", "`left behind` counts open files, threads, child processes and temporary files after the last input. Times "
-        "are wall time on a busy machine.", "", found(faults)])  # fmt: skip
+        "are wall time on a busy machine.", "", found(faults)])
 
 
 def faults_in_work(minutes: float, seed: int) -> str:
@@ -360,7 +360,7 @@ def faults_in_work(minutes: float, seed: int) -> str:
         cv2.imwrite(str(place / "big.jpg"), cv2.resize(frame, (1280, 720)), [cv2.IMWRITE_JPEG_QUALITY, 98])
         raw = b"".join(np.roll(frame, i % 2, axis=1).tobytes() for i in range(200))
         clips.ffmpeg("-f", "rawvideo", "-pix_fmt", "bgr24", "-s", "320x180", "-r", 25, "-i", "pipe:0", "-c:v",
-                     "libx264", "-preset", "veryfast", "-pix_fmt", "yuv420p", place / "long.mp4", data=raw)  # fmt: skip
+                     "libx264", "-preset", "veryfast", "-pix_fmt", "yuv420p", place / "long.mp4", data=raw)
         say("full disk")
         full = full_disk(place)
         (place / "interrupts").mkdir()
@@ -368,7 +368,7 @@ def faults_in_work(minutes: float, seed: int) -> str:
         hit = interrupts.campaign(place / "interrupts", 60 * minutes, seed)
     disk = (f"{full['faults injected']} commands onto a file system of 4 to 128 kB: {len(full['crashes'])} ended with "
             f"anything but exit code 0 or 2 and one line a complaint, {full['files']} temporary files left."
-            if full["faults injected"] else "A full disk was not tried (mounting needs root).")  # fmt: skip
+            if full["faults injected"] else "A full disk was not tried (mounting needs root).")
     return "\n".join([
         MID, "",
         f"Written by `python tools/reliability.py --only faults --minutes {minutes:g} --seed {seed}`.", "",
@@ -379,7 +379,7 @@ def faults_in_work(minutes: float, seed: int) -> str:
         "process or temporary file that stayed, a file under its final name that is not whole. After SIGKILL nobody "
         f"can tidy up: {hit.parts} hidden unfinished files were there in the end, and one more run of each command "
         "took them away.",
-        f"- {disk}", "", found(hit.wrong + full["crashes"])])  # fmt: skip
+        f"- {disk}", "", found(hit.wrong + full["crashes"])])
 
 
 def found(faults: list[str]) -> str:
@@ -420,7 +420,7 @@ if __name__ == "__main__":
     else:
         make = {"bad": lambda: bad_input(arguments.minutes, arguments.seed),
                 "faults": lambda: faults_in_work(arguments.minutes, arguments.seed),
-                "long": lambda: long_clip(arguments.hours, arguments.fps)}  # fmt: skip
+                "long": lambda: long_clip(arguments.hours, arguments.fps)}
         for name in [arguments.only] if arguments.only else ("bad", "faults"):
             section = make[name]().replace(str(ROOT), ".")
             write_bytes(REPORT, with_section(REPORT.read_text(encoding="utf-8"), section).encode())

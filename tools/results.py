@@ -63,7 +63,7 @@ def results() -> str:
     m = metric_score(frames)
     median = np.nanmedian([np.nanmedian(np.abs(f.lateral_m[:, :2])) for f in good])
     rows.append(["**median**", f"{m.found:.0%} found", f"{100 * median:.1f} cm", f"{100 * m.lateral_m[3]:.1f} cm",
-                 f"{100 * m.offset_m:.1f} cm", f"{m.curvature:.0%}"])  # fmt: skip
+                 f"{100 * m.offset_m:.1f} cm", f"{m.curvature:.0%}"])
     text = [ABOUT_STILLS, "", table(rows, left=(0, 1)), ""]
     clips = [row for path in sorted(data_set.test_videos.glob("*.mp4")) if (row := clip_row(path, rig, data_set))]
     if clips:
@@ -109,7 +109,7 @@ def clip_row(path: Path, rig: Rig, data_set: datasets.DataSet) -> list[str] | No
     near = m.lateral_m[1]
     return [path.stem, *tally.row()[1:5], f"{p.tusimple:.3f}", f"{p.strict:.3f}", f"{100 * near:.1f} cm",
             f"{100 * m.lateral_m[3]:.1f} cm", f"{100 * m.offset_m:.1f} cm", f"{m.curvature:.0%}",
-            f"{100 * clip.jitter_m:.1f} cm"]  # fmt: skip
+            f"{100 * clip.jitter_m:.1f} cm"]
 
 
 if __name__ == "__main__":

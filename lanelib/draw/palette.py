@@ -24,7 +24,6 @@ SMOOTHER_COLOURS = {
     "kalman": GREEN,
 }
 
-# fmt: off
 PALETTE = {
     # figures and panels
     "left": VERMILLION, "right": BLUE, "estimate": GREEN, "truth": "#000000",
@@ -36,7 +35,6 @@ PALETTE = {
     "desk": "#14181d", "card": "#0b0e12", "rule": "#3a424c", "track": "#5b6672",
     "title": "#e8ecf1", "text": "#ffffff", "label": "#a7b1bd",
 }
-# fmt: on
 
 
 def bgr(name: str) -> tuple[int, int, int]:

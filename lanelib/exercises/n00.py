@@ -33,7 +33,7 @@ def check_sideways_m(answer):
             lambda radius, y: y**2 / 2 * radius,
         "this is where the circle is, from its centre; how far is that from the straight line?":
             lambda radius, y: math.sqrt(radius**2 - y**2),
-    }  # fmt: skip
+    }
     return function(answer, cases, number, unit="m", rel=0.005, slips=slips, sign="give the distance without a sign")
 
 
@@ -61,6 +61,6 @@ def check_seconds_to_line(answer):
             lambda gap, *given: 1 / right_way(1, *given),
         "these are the metres along the road; how long does the car take for them?":
             lambda gap, angle, _: gap / math.sin(math.radians(angle)),
-    }  # fmt: skip
+    }
     # a tenth of a second is as near as anyone would say it
     return function(answer, cases, number, unit="s", tolerance=0.05, slips=slips)

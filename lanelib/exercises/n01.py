@@ -40,7 +40,7 @@ def check_radial(answer):
             lambda x, y, k1, k2: (x * (1 + k1 * x**2 + k2 * x**4), y * (1 + k1 * y**2 + k2 * y**4)),
         "this is the factor alone; multiply x and y by it":
             lambda x, y, k1, k2: 1 + k1 * (x * x + y * y) + k2 * (x * x + y * y) ** 2,
-    }  # fmt: skip
+    }
     cases = [(case, _lens(*case)) for case in cases]
     return function(answer, cases, array, rel=0, tolerance=1e-4, columns="x, y", slips=slips)  # four digits will do
 
@@ -66,7 +66,7 @@ _MATRICES = {
         lambda matrix, factor: _scaled(matrix, factor**2, _FOCAL + _CENTRE),
     "u has its factor, v has not: both sides of the picture shrink":
         lambda matrix, factor: _scaled(matrix, factor, ((0, 0), (0, 2))),
-}  # fmt: skip
+}
 
 
 def _judge_matrix(value, expected, *, mistakes) -> Verdict:
@@ -93,7 +93,7 @@ def check_scaled_matrix(answer):
     exact = np.asarray(answer(matrix.copy(), 0.25), float)[0, 2]
     plain = abs(exact - 0.25 * 665.3) < 1e-6
     return right("pixel centres at integers would shift the centre by another 0.375 px here; see Camera.scaled"
-                 if plain else "")  # fmt: skip
+                 if plain else "")
 
 
 @never_raises
@@ -121,7 +121,7 @@ def check_rms(answer):
             float(np.sqrt(((seen - projected).sum(axis=1) ** 2).mean())),
         "this is the median distance; RMS squares, takes the mean, then the root": float(np.median(off)),
         "this is the largest distance; the mean is over all corners": float(off.max()),
-    }  # fmt: skip
+    }
     # two decimals will do
     return function(answer, [((seen, projected), rms)], number, unit="px", rel=0.005, mistakes=mistakes)
 

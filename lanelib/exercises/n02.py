@@ -51,7 +51,7 @@ def check_precision_recall(answer):
             slipped(lambda hits, on, painted, _: (hits / on, hits / painted / 255)),
         "255 times 255 wraps around in 8 bits; make the masks bool first (not 0 means yes)":
             slipped(lambda hits, on, painted, _: (hits / on / 255, hits / painted / 255)),
-    }  # fmt: skip
+    }
 
     def judge(value, expected, *, mistakes):
         values = np.asarray(value, float).ravel() if np.size(value) == 2 else None

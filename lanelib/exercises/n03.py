@@ -37,7 +37,7 @@ def check_map_point(answer):
             lambda h, points: homogeneous(h, points) / homogeneous(h, points)[:, 2:],
         f"homogeneous points (x, y, w) in columns came out; divide by w, leave it out: shape {POINTS.shape}":
             lambda h, points: homogeneous(h, points).T,
-    }  # fmt: skip
+    }
     cases = [((matrix, POINTS), mapped(matrix, POINTS)) for matrix in (HOMOGRAPHY, -3 * HOMOGRAPHY)]
     # a millimetre will do
     return function(answer, cases, array, rel=0, tolerance=1e-3, columns="x, y", slips=slips)
@@ -60,7 +60,7 @@ def check_distance_of_row(answer):
             lambda v, v_h, f, h: f * h / (v - v_h) ** 2,
         "the row *below* the horizon is a difference": lambda v, v_h, f, h: f * h / (v + v_h),
         "a bracket is missing: v - horizon_v divides as a whole": lambda v, v_h, f, h: f * h / v - v_h,
-    }  # fmt: skip
+    }
     cases = [((v, v_h, f, h), f * h / (v - v_h)) for v, v_h, f, h in given]
     return function(answer, cases, number, unit="m", rel=0.005, slips=slips, sign="rows grow downwards")
 
@@ -80,7 +80,7 @@ def check_camera_height(answer):
             lambda width_px, below_px, _: below_px / width_px,
         "metres by pixels are no metres: where do the rows below the horizon come in?":
             lambda width_px, _, width_m: width_m / width_px,
-    }  # fmt: skip
+    }
     cases = [((width_px, below_px, width_m), width_m * below_px / width_px) for width_px, below_px, width_m in given]
     return function(answer, cases, number, unit="m", rel=0.006, slips=slips)
 
@@ -99,6 +99,6 @@ def check_true_radius(answer):
             lambda radius, assumed, true: (true / assumed) ** 2,
         "the width was right, so x has no part in it: the square is enough":
             lambda radius, assumed, true: radius * (true / assumed) ** 3,
-    }  # fmt: skip
+    }
     cases = [((radius, assumed, true), radius * (true / assumed) ** 2) for radius, assumed, true in given]
     return function(answer, cases, number, unit="m", rel=0.005, slips=slips)

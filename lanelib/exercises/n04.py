@@ -36,7 +36,7 @@ def check_start_columns(answer):
             lambda sums, centre: (np.flatnonzero(sums[:centre])[-1], centre + np.flatnonzero(sums[centre:])[0]),
         "a reversed array counts from its end: the left column is counted from `centre` here":
             lambda sums, centre: (np.argmax(sums[:centre][::-1]), centre + np.argmax(sums[centre:])),
-    }  # fmt: skip
+    }
     verdict = function(answer, cases, array, rel=0.0, tolerance=3.0, columns="left, right", slips=slips)
     if not verdict and callable(answer):
         try:
@@ -63,7 +63,7 @@ def check_bend_in_metres(answer):
             "the rows' scale is missing": a * sx,
         }
         verdict = function(answer, [((a, sx, sy), a * sx / sy**2)], number, unit="1/m", rel=0.003, mistakes=mistakes,
-                           sign="y = y0 - s_y v has a minus, and y² has none")  # fmt: skip
+                           sign="y = y0 - s_y v has a minus, and y² has none")
         if not verdict:
             return verdict
     return verdict
@@ -105,7 +105,7 @@ def check_curvature_of_lane(answer):
             "(1 + B²)^(3/2) divides, this multiplies by it":
                 -sum(a * (1 + b * b) ** 1.5 for a, b, _ in (left, right)),
             "B is squared under the exponent": -sum(a / (1 + b) ** 1.5 for a, b, _ in (left, right)),
-        }  # fmt: skip
+        }
         verdict = function(answer, [((left, right), true)], number, unit="1/m", rel=0.005, mistakes=mistakes,
                            sign="positive to the left, and x'' < 0 bends to the left")
         if not verdict:
@@ -163,7 +163,7 @@ def check_fit_shared(answer):
             ("the heading's sign is reversed: y grows ahead, and x to the right", lambda c, h, b, w: (c, -h, b, w)),
             ("this is (bend, heading, centre, width); centre, heading, bend, width is wanted",
              lambda c, h, b, w: (b, h, c, w)),
-        ):  # fmt: skip
+        ):
             wrong = [(given, np.array(change(*expected))) for given, expected in cases]
             if function(answer, wrong, array, rel=1e-3, tolerance=1e-6):
                 return not_yet(hint)
@@ -192,11 +192,11 @@ def check_offset_and_width(answer):
             lambda left, right: (-(left[2] + right[2]) / 2, (right[2] - left[2]) / (1 + left[1] ** 2)),
         "the exponent 3/2 belongs to the curvature; the width has the root of 1 + B²":
             lambda left, right: (-(left[2] + right[2]) / 2, (right[2] - left[2]) / (1 + left[1] ** 2) ** 1.5),
-    }  # fmt: skip
+    }
     verdict = function(
         answer, cases, array, rel=2e-3, tolerance=6e-3, sign="right of the centre is positive", columns="offset, width",
         slips=slips,
-    )  # fmt: skip
+    )
     if verdict or not callable(answer):
         return verdict
 

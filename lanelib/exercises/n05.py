@@ -51,7 +51,7 @@ def check_exponential(answer):
         ("the first value is missing; it is the first output as it is", [_exponential(*g)[1:] for g in given]),
         ("one too many: the first value is there twice", [np.append(g[0][0], _exponential(*g)) for g in given]),
         ("begin with the first value, not with 0", [from_zero(*g) for g in given]),
-    ]  # fmt: skip
+    ]
     return _hinted(answer, [(g, _exponential(*g)) for g in given], wrong, rel=0, tolerance=0.006)  # two decimals
 
 
@@ -101,7 +101,7 @@ def check_fuse(answer):
          [((a / u**2 + b / v**2) / (u**-2 + v**-2), _fuse(a, u, b, v)[1]) for a, u, b, v in given]),
         ("weighted with 1 / variance, please: these are weights of 1 / standard deviation",
          [((a / u**0.5 + b / v**0.5) / (u**-0.5 + v**-0.5), _fuse(a, u, b, v)[1]) for a, u, b, v in given]),
-    ]  # fmt: skip
+    ]
     return _hinted(answer, list(zip(given, right_ones, strict=True)), wrong, "mean, variance", rel=1e-4, tolerance=1e-9)
 
 
@@ -151,7 +151,7 @@ def check_kalman_step(answer):
         ("a step makes less sure: its variance is added", [_kalman(m, v, -q, z, r) for m, v, q, z, r in given]),
         ("the step's variance makes the estimate less sure; it does not move the mean",
          [_kalman(m + q, v, q, z, r) for m, v, q, z, r in given]),
-    ]  # fmt: skip
+    ]
     if callable(answer):
         try:
             if (result := answer(*given[1])) is not None and any(part is None for part in result):
@@ -225,7 +225,7 @@ def check_statuses(answer):
             ("the count of missed frames begins anew with each lane that is seen",
              [["measured" if s else "held" if any(seen[:i]) and seen[: i + 1].count(False) <= hold else "none"
                for i, s in enumerate(seen)] for (seen, hold), _ in cases]),
-        ):  # fmt: skip
+        ):
             if function(answer, [(given, result) for (given, _), result in zip(cases, results, strict=True)], _words):
                 return not_yet(hint)
     return verdict

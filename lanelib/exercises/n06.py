@@ -22,7 +22,7 @@ def check_tusimple(answer):
         "this divides by the points that were seen; a line that is not seen at all would then be perfect": 1.0,
         "two things to look at: the limit is 20 px divided by cos(angle), and -2 is not found": 2 / 6,
         "this is how many were found; divide by the number of labelled points": 4.0,
-    }  # fmt: skip
+    }
     upright_mistakes = {"a point too far to the left passes: take the absolute value of the difference": 4 / 6}
 
     def judge(value, expected):
@@ -56,7 +56,7 @@ def check_jitter(answer):
             float(np.sqrt(np.mean(np.diff(error, 2) ** 2))),
         "the difference of two RMS: subtract the truth frame by frame, before anything is squared":
             float(np.sqrt(np.mean(np.diff(found) ** 2)) - np.sqrt(np.mean(np.diff(true) ** 2))),
-    }  # fmt: skip
+    }
     swaying = error - 0.3  # of either sign
     swaying_rms = float(np.sqrt(np.mean(np.diff(np.abs(swaying)) ** 2)))
     swaying_mistakes = {"the error has a sign: from -2 cm to +2 cm is a change of 4 cm; leave `abs` out": swaying_rms}
@@ -118,5 +118,5 @@ def _pitch_slip(answer):
             30 + 30**2 * delta / 1.25,
         "x is in it twice; the distance makes the error grow": 1.85**2 * delta / 1.25,
         "sin, cos and π know radians, the pitch is given in degrees": 1.85 * 30 * 0.3 / 1.25,
-    }  # fmt: skip
+    }
     return next((not_yet(hint) for hint, slip in slips.items() if abs(value / slip - 1) < 0.02), None)

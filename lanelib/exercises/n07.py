@@ -65,7 +65,7 @@ def check_speedup(answer):
         "speeds do not add up, times do: what is the new time, if the old one is 1?": 1 + share * factor,
         "times do add up: the old one is 1 = (1 - share) + share; what is the new one?": share * factor,
         "the rest is 1 - share; here rest and share are swapped": 1 / (share + (1 - share) / factor),
-    }  # fmt: skip
+    }
 
     def judge(value, expected):
         return number(value, expected, mistakes=mistakes if abs(expected - 1 / 0.46) < 1e-9 else {})
@@ -95,8 +95,8 @@ def check_frame_rates(answer):
         "frames a millisecond; a second has 1000 of them": lambda ms: (1 / sum(ms), 1 / max(ms)),
         "a second has 1000 milliseconds, not 60": lambda ms: (60 / sum(ms), 60 / max(ms)),
         "these are milliseconds a frame; frames a second are 1000 divided by them": lambda ms: (sum(ms), max(ms)),
-    }  # fmt: skip
+    }
     cases = [((ms,), np.array([1000 / sum(ms), 1000 / max(ms)])) for ms in ([5.0, 2.0, 13.0], [9.0, 2.0, 4.0])]
     # whole frames will do
     return function(answer, cases, array, unit="frames a second", rel=0.01, tolerance=1.0, slips=slips,
-                    columns="one after the other, overlapped")  # fmt: skip
+                    columns="one after the other, overlapped")

@@ -49,7 +49,7 @@ def check_diagnosis(answer):
         "d": {"pitch": "a wrong pitch moves the two lines in opposite directions",
               "height": "a wrong height changes lengths, no directions",
               "focal length": "on straight road ahead a wrong focal length changes lengths, no directions"},
-    }  # fmt: skip
+    }
     wanted = {"a": "height", "b": "pitch", "c": "focal length", "d": "yaw"}
 
     def one(key: str):
@@ -72,6 +72,6 @@ def check_zoomed_focal(answer):
         "`share` is of the sides already, not of the area": lambda focal, share: focal / share**0.5,
         "the share that stays is enlarged, not the one that is cut off":
             lambda focal, share: focal / (1 - share) if share < 1 else focal,
-    }  # fmt: skip
+    }
     cases = [((focal, share), focal / share) for focal, share in ((1155.0, 0.8), (900.0, 0.5), (640.0, 1.0))]
     return function(answer, cases, number, unit="px", rel=0, tolerance=1.0, slips=slips)  # whole pixels will do

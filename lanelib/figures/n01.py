@@ -27,7 +27,7 @@ def lens(camera: Camera, *, step_px: int = 80) -> Figure:
     a.plot(*centre, "+", color=PALETTE["none"], markersize=12, markeredgewidth=2)
     a.annotate("principal point", centre, xytext=(8, 6), textcoords="offset points", color=PALETTE["none"])
     a.set(xlim=(-60, width + 60), ylim=(height + 40, -40), aspect="equal", xlabel="u, px", ylabel="v, px",
-          title="where the lens moves a point")  # fmt: skip
+          title="where the lens moves a point")
     a.add_patch(plt.Rectangle((0, 0), width, height, fill=False, edgecolor=INK, linewidth=0.8))
     focal = camera.camera_matrix[0, 0]
     k1, k2, _, _, k3 = camera.distortion
@@ -116,7 +116,7 @@ def rms_and_error(rms_px: Sequence[float], error_px: Sequence[float], whole: tup
     a.plot(rms_px, error_px, "o", color=PALETTE["accent"], markersize=6, label="three boards drawn at random")
     a.plot(*whole, "D", color=PALETTE["estimate"], markersize=9, label="all boards")
     a.set(xlabel="RMS reprojection error, px: what you can see", ylabel="error of the focal length, px",
-          title="what you cannot see without the truth")  # fmt: skip
+          title="what you cannot see without the truth")
     a.set_ylim(bottom=0)
     a.set_xlim(left=0)
     a.legend(loc="upper left")
@@ -131,7 +131,7 @@ def road_cost(y_m, costs: Mapping[str, tuple[Sequence[float], Sequence[float]]])
     for i, (name, errors) in enumerate(costs.items()):
         for a, error in zip(axes, errors, strict=True):
             a.plot(y_m, error, color=SERIES[i % len(SERIES)], linestyle=LINE_STYLES[i % 4], label=name, marker="o",
-                   markersize=3.5)  # fmt: skip
+                   markersize=3.5)
     for a, title in zip(axes, ("the lines of the own lane", "the far line of the next lane"), strict=True):
         a.set(xlabel="distance ahead, m", yscale="log", title=title, ylim=(0.05, 300))
         a.set_yticks([0.1, 1, 10, 100], ["0.1", "1", "10", "100"])

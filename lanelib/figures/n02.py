@@ -31,14 +31,14 @@ def masks(frame_bgr, by_name: Mapping[str, np.ndarray], truth, *, rows: slice = 
 def profiles(frames: Mapping[str, np.ndarray], truths: Sequence, row: int) -> Figure:
     """Brightness (R + G) / 2 and yellowness min(R, G) - B along one row of several frames; true paint is shaded."""
     figure, axes = plt.subplots(len(frames), 1, figsize=(WIDTH_IN, 1.45 * len(frames) + 0.5), layout="constrained",
-                                sharex=True, sharey=True)  # fmt: skip
+                                sharex=True, sharey=True)
     for a, (name, frame), truth in zip(np.atleast_1d(axes), frames.items(), truths, strict=True):
         blue, green, red = frame[row].astype(float).T
         x = np.arange(len(red))
         a.fill_between(x, 0, 255, where=truth.paint[row], color=SHADE, linewidth=0, label="true paint")
         a.plot(x, (red + green) / 2, color=INK, linewidth=1.1, label="brightness")
         a.plot(x, np.minimum(red, green) - blue, color=PALETTE["none"], linewidth=1.1, linestyle="--",
-               label="yellowness")  # fmt: skip
+               label="yellowness")
         a.set(ylim=(-30, 275), ylabel="grey levels", xlim=(150, 1150))
         a.set_title(name, fontsize=9.5)
     figure.legend(*np.atleast_1d(axes)[0].get_legend_handles_labels(), loc="outside upper right", ncols=3)
@@ -52,7 +52,7 @@ def gradients(frame_bgr: np.ndarray, found: Gradients, *, top: float = 20.0) -> 
     ends at ``top`` grey levels a pixel."""
     panels = {"|Sobel x|": (np.abs(found.x), top, "grey levels a pixel"),
               "magnitude": (magnitude(found), top, "grey levels a pixel"),
-              "direction": (np.rad2deg(direction(found)), 90.0, "degrees")}  # fmt: skip
+              "direction": (np.rad2deg(direction(found)), 90.0, "degrees")}
     height, width = frame_bgr.shape[:2]
     figure, axes = plt.subplots(2, 2, figsize=(WIDTH_IN, 8.6 * height / width + 0.9), layout="constrained")
     put_picture(axes[0, 0], frame_bgr, "frame")
@@ -77,7 +77,7 @@ def separations(frames: Mapping[str, np.ndarray], paints: Sequence, roads: Seque
     """`separation` of channels (rows) on several paints (columns) as a table of shades."""
     table = np.array([[max(s, 1 - s) for s in (separation(CHANNELS[name](frame), paint, road)
                        for frame, paint, road in zip(frames.values(), paints, roads, strict=True))]
-                      for name in names])  # fmt: skip
+                      for name in names])
     figure, a = plt.subplots(figsize=(1.45 * len(frames) + 1.6, 0.31 * len(names) + 1.4), layout="constrained")
     a.imshow(table, cmap="cividis", vmin=0.5, vmax=1, aspect="auto")
     for (i, j), value in np.ndenumerate(table):
@@ -87,7 +87,7 @@ def separations(frames: Mapping[str, np.ndarray], paints: Sequence, roads: Seque
     a.tick_params(length=0, labelcolor=INK, labelsize=9)
     a.xaxis.tick_top()
     figure.suptitle("how often paint and road are told apart (0.5 is a coin)", x=0.01, ha="left", fontsize=10.5,
-                    fontweight="bold")  # fmt: skip
+                    fontweight="bold")
     a.grid(False)
     return figure
 
@@ -106,7 +106,7 @@ def best_thresholds(values: Mapping[str, np.ndarray], truths: Sequence, *, low: 
         best = int(f1.argmax())
         a.plot(best, f1[best], MARKERS[i % len(MARKERS)], color=colour, markersize=8)
     a.set(xlabel="threshold", ylabel="F1 of the mask", title="one channel, one threshold: the best one is marked",
-          ylim=(0, 1))  # fmt: skip
+          ylim=(0, 1))
     a.legend(loc="upper left", bbox_to_anchor=(1.01, 1))
     return figure
 
@@ -123,7 +123,7 @@ def precision_and_recall(scores: Mapping[str, Mapping[str, tuple[float, float]]]
         a.plot([], [], marker, color=colour, label=recipe, markersize=7)
     a.plot([], [], "o", color=INK, markerfacecolor="white", label="hollow: hard frames")
     a.set(xlim=(0, 1.03), ylim=(0, 1.03), xlabel="recall: how much of the paint is found",
-          ylabel="precision: how much of the mask is paint", aspect="equal")  # fmt: skip
+          ylabel="precision: how much of the mask is paint", aspect="equal")
     a.legend(loc="upper left", bbox_to_anchor=(1.02, 1))
     return figure
 
@@ -143,12 +143,12 @@ def ridge_along_row(brightness: np.ndarray, response: np.ndarray, paint: np.ndar
     for shift, name in ((-SIDE_DISTANCE, "l"), (0, "c"), (SIDE_DISTANCE, "r")):
         at = middle + shift * width_px
         a.fill_between([at - width_px / 2, at + width_px / 2], 266, 294, color=PALETTE["accent"], linewidth=0,
-                       label="boxes compared" if name == "c" else None)  # fmt: skip
+                       label="boxes compared" if name == "c" else None)
         a.text(at, 279, name, ha="center", va="center", fontsize=8, fontweight="bold", color="white")
     b.plot(x, np.clip(response, -0.5, 4), color=PALETTE["estimate"], linewidth=1.3)
     b.axhline(1, color=PALETTE["none"], linestyle="--", linewidth=1.2)
     b.annotate("1: paint", (1, 1), xycoords=("axes fraction", "data"), xytext=(-4, 3), textcoords="offset points",
-               ha="right", color=PALETTE["none"])  # fmt: skip
+               ha="right", color=PALETTE["none"])
     a.set(ylabel="brightness, grey levels", ylim=(0, 300), xlim=(150, 1150))
     b.set(ylabel="ridge", ylim=(-0.5, 4), xlabel="column, px")
     a.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)

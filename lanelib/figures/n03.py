@@ -21,7 +21,7 @@ def from_the_side(height_m: float, distances_m: Sequence[float] = (6, 12, 30)) -
     a.axhline(0, color=INK, linewidth=1.5)
     a.plot([0, 34], [height_m, height_m], color=PALETTE["truth"], linestyle=DASHES, linewidth=1.1)
     a.annotate("to the horizon: never meets the road", (34, height_m), ha="right", xytext=(0, 4),
-               textcoords="offset points")  # fmt: skip
+               textcoords="offset points")
     a.plot([plane, plane], [0.05, height_m + 0.1], color=PALETTE["accent"], linewidth=3)
     a.annotate("picture plane", (plane, height_m + 0.1), ha="center", xytext=(0, 4), textcoords="offset points")
     for i, y in enumerate(distances_m):
@@ -44,7 +44,7 @@ def along_line(rulers: Mapping[str, Sequence[float]], brightness: Sequence[float
     """Brightness along a dashed line on several rulers, {name: distance of each sample}; dots at the middles of dashes,
     dashed lines every true period from the first one on."""
     figure, axes = plt.subplots(len(rulers), 1, figsize=(WIDTH_IN, 1.6 * len(rulers) + 0.4), layout="constrained",
-                                sharex=True)  # fmt: skip
+                                sharex=True)
     for i, (a, (name, y)) in enumerate(zip(np.atleast_1d(axes), rulers.items(), strict=True)):
         a.plot(y, brightness, color=SERIES[i], linewidth=1.3)
         middles = dash_middles(y, brightness)
@@ -81,7 +81,7 @@ def views(undistorted: np.ndarray, by_name: Mapping[str, BirdsEye], lines_m: Seq
     """The bird's-eye views of one picture in several geometries (`BirdsEye`), on the same scale; ``lines_m``: where
     the lines of a straight lane truly are, dashed."""
     figure, axes = plt.subplots(1, len(by_name), figsize=(2.6 * len(by_name) + 0.5, 4.6), layout="constrained",
-                                sharey=True)  # fmt: skip
+                                sharey=True)
     for a, (name, view) in zip(np.atleast_1d(axes), by_name.items(), strict=True):
         put_picture(a, view.warp(undistorted), name, extent_of(view.grid))
         for x in lines_m:
@@ -101,7 +101,7 @@ def hill(height_m: float, *, change: float = 0.02, at_m: float = 15.0, far_m: fl
     figure, (a, b) = plt.subplots(1, 2, figsize=(WIDTH_IN, 3.2), layout="constrained")
     y = np.linspace(5, far_m, 200)
     for sign, colour, name, style in ((1, PALETTE["none"], f"rises by {100 * change:g} %", "-"),
-                                      (-1, PALETTE["right"], f"falls by {100 * change:g} %", "--")):  # fmt: skip
+                                      (-1, PALETTE["right"], f"falls by {100 * change:g} %", "--")):
         z = sign * change * np.maximum(y - at_m, 0)
         a.plot(y, z, color=colour, linestyle=style, label=name)
         b.plot(y, y * height_m / (height_m - z), color=colour, linestyle=style, label=name)
@@ -110,6 +110,6 @@ def hill(height_m: float, *, change: float = 0.02, at_m: float = 15.0, far_m: fl
     a.set(xlabel="distance ahead, m", ylabel="height of the road, m", title="the road from the side")
     b.plot(y, y, color=PALETTE["truth"], linestyle=DASHES, linewidth=1, label="flat")
     b.set(xlabel="true distance, m", ylabel="distance measured, m", ylim=(0, 100),
-          title="what the flat road makes of it")  # fmt: skip
+          title="what the flat road makes of it")
     b.legend()
     return figure

@@ -127,8 +127,8 @@ def dots(errors: Mapping[str, np.ndarray], *, unit: str, limit: float | None = N
         words = f"{name}\nmedian |error| {middle:.1f} {unit.rpartition(', ')[2]}"
         words += f"\nno lane in {none / len(values):.0%}" if none else ""
         a.annotate(words, (0, i), xycoords=("axes fraction", "data"), xytext=(-10, 0), textcoords="offset points",
-                   ha="right", va="center", fontsize=9.5, color=INK)  # fmt: skip
+                   ha="right", va="center", fontsize=9.5, color=INK)
     a.axvline(0, color=SOFT, linewidth=0.8)
     a.set(xlim=(-1.05 * largest, 1.05 * largest), ylim=(len(errors) - 0.5, -0.5), yticks=[], title=title,
-          xlabel=f"{unit}   (bar: ± the median of the absolute values)")  # fmt: skip
+          xlabel=f"{unit}   (bar: ± the median of the absolute values)")
     return figure

@@ -34,7 +34,7 @@ def tradeoff(
             else:
                 for label, *point in points:
                     a.annotate(label, (point[at - 1], point[1]), xytext=(5, 4), textcoords="offset points", fontsize=8,
-                               color=SOFT)  # fmt: skip
+                               color=SOFT)
     axes[0].set(xlabel="error, cm", ylabel="jitter, cm a frame", xlim=(0, None), ylim=(0, None))
     axes[1].set(xlabel="lag, s")
     axes[0].set_title("lower left is better")
@@ -55,7 +55,7 @@ def _window(a, points, at: int, colour: str):
     for point in points:  # to the left, the lowest one's below
         down = point is lowest
         window.annotate(point[0], (point[at], point[2]), xytext=(-5, -3 if down else 2), textcoords="offset points",
-                        ha="right", va="top" if down else "bottom", fontsize=8, color=colour)  # fmt: skip
+                        ha="right", va="top" if down else "bottom", fontsize=8, color=colour)
     for axis, k, below, above in (("x", at, 0.35, 0.15), ("y", 2, 0.4, 0.3)):
         values = [point[k] for point in points]
         span = max(max(values) - min(values), 1e-6)

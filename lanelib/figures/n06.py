@@ -54,12 +54,12 @@ def budget(errors_m: Mapping[str, Sequence[float]], at_m: Sequence[float]) -> Fi
     figure, a = plt.subplots(figsize=(WIDTH_IN, 3.9), layout="constrained")
     for i, (name, errors) in enumerate(errors_m.items()):
         a.plot(at_m, 100 * np.asarray(errors), label=name, marker="o", markersize=4.5, color=SERIES[i % len(SERIES)],
-               linestyle=LINE_STYLES[i % 4])  # fmt: skip
+               linestyle=LINE_STYLES[i % 4])
     a.axhline(6, color=PALETTE["truth"], linewidth=0.9, linestyle=":")
     a.annotate("half the width of a line", (at_m[-1], 6), xytext=(0, 3), textcoords="offset points", ha="right",
-               fontsize=8.5)  # fmt: skip
+               fontsize=8.5)
     a.set(xlabel="distance ahead, m", ylabel="median error, cm (log)", yscale="log",
-          title="What the car believes, minus what is true")  # fmt: skip
+          title="What the car believes, minus what is true")
     figure.legend(*a.get_legend_handles_labels(), loc="outside right center")
     return figure
 
@@ -70,10 +70,10 @@ def matrices(tables: Mapping[str, Mapping[str, Mapping[str, float]]]) -> Figure:
     cell, dark where low, with the same shades in all."""
     shapes = [(list(table), list(next(iter(table.values())))) for table in tables.values()]
     shares = [np.array([[table[row][column] for column in columns] for row in names])
-              for table, (names, columns) in zip(tables.values(), shapes, strict=True)]  # fmt: skip
+              for table, (names, columns) in zip(tables.values(), shapes, strict=True)]
     low = min(0.4, *(float(np.nanmin(share)) for share in shares))
     figure, axes = plt.subplots(len(tables), 1, layout="constrained", squeeze=False,
-                                figsize=(WIDTH_IN, sum(0.36 * len(names) + 0.75 for names, _ in shapes)))  # fmt: skip
+                                figsize=(WIDTH_IN, sum(0.36 * len(names) + 0.75 for names, _ in shapes)))
     for a, title, share, (names, columns) in zip(axes[:, 0], tables, shares, shapes, strict=True):
         a.imshow(share, cmap="cividis", vmin=low, vmax=1, aspect="auto")
         for (i, j), value in np.ndenumerate(share):

@@ -103,12 +103,12 @@ def stacked(orders: Mapping[str, Mapping[str, float]], *, title: str = "") -> Fi
             named[step] = a.barh(i, value, left=left, color=colour, edgecolor="white", height=0.62)
             if value > longest / 12:
                 a.text(left + value / 2, i, f"{step}\n{value:.1f}", ha="center", va="center", fontsize=8,
-                       color=ink_on(colour))  # fmt: skip
+                       color=ink_on(colour))
             left += value
         a.annotate(f"{name}: {left:.1f} ms", (left, i), xytext=(6, 0), textcoords="offset points", va="center",
-                   fontsize=9)  # fmt: skip
+                   fontsize=9)
     figure.legend(named.values(), named, loc="outside upper right", ncols=len(named), columnspacing=1.2,
-                  handlelength=1.2)  # fmt: skip
+                  handlelength=1.2)
     a.set(yticks=[], xlabel="CPU time, ms a frame", title=title)
     a.set_xlim(0, 1.3 * longest)
     a.invert_yaxis()
@@ -142,7 +142,7 @@ def timelines(stage_ms: Mapping[str, float], *, frames: int = 5) -> Figure:
             for row, begin in enumerate(begins):
                 a.barh(row, spans[row], left=begin, color=SERIES[frame % len(SERIES)], edgecolor="white", height=0.8)
                 a.text(begin + spans[row] / 2, row, str(frame), ha="center", va="center", fontsize=8,
-                       color=ink_on(SERIES[frame % len(SERIES)]))  # fmt: skip
+                       color=ink_on(SERIES[frame % len(SERIES)]))
         a.set_yticks(range(len(names)), names, color=INK)
         a.invert_yaxis()
         a.grid(axis="y", visible=False)

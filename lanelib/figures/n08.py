@@ -50,7 +50,7 @@ def board_page(
     page = np.full((height, width), 255, np.uint8)
     left, top = (np.array(paper_mm) - [0, 10] - squares * square_mm) / 2
     edges = [np.round((start + square_mm * np.arange(n + 1)) * per_mm).astype(int)
-             for start, n in ((left, squares[0]), (top, squares[1]))]  # fmt: skip
+             for start, n in ((left, squares[0]), (top, squares[1]))]
     for i in range(squares[1]):
         for j in range(squares[0]):
             if (i + j) % 2 == 0:
