@@ -372,7 +372,8 @@ pitched = {"camera taken to look\n0.5° more upwards": ours.pitched(camera, -del
 n03.views(undistorted, pitched, lines_m=[line[0][0] for line in straight["lanes_road_m"]])
 
 # %%
-for name, view in zip(("taken 0.5° up", "true pitch", "taken 0.5° down"), pitched.values(), strict=True):
+names = "taken 0.5° up", "true pitch", "taken 0.5° down"
+for name, view in zip(names, pitched.values(), strict=True):
     opens = view.parallelism(*lines)
     how = f"gets {'wider' if opens > 0 else 'narrower'} by {abs(opens):.2f} m over 30 m"
     print(f"{name:15} the lane {how if abs(opens) > 0.005 else 'is parallel'}")
@@ -456,8 +457,8 @@ n03.views(undistorted, {"rig": rigs_view, "classic, 30 m": classic})
 #
 # ## When it fails
 #
-# - **Bumps, braking, load**: the pitch changes by some tenths of a degree all the time; seen through a fixed matrix, the road seems
-#   to breathe.
+# - **Bumps, braking, load**: the pitch changes by some tenths of a degree all the time; seen through a fixed matrix, the
+#   road seems to breathe.
 # - **Hills and crests**: no plane fits; beyond the change of grade distances are fiction.
 # - **Curves**: their lines have no common vanishing point; a rig made from them is tilted aside.
 # - **A lane of another width** (3.0 m in roadworks, 3.5 m in much of Europe) scales everything by its ratio.
