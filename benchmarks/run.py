@@ -77,7 +77,7 @@ def stage_costs(rig: Rig, stills: list[np.ndarray], rounds: int) -> tuple[dict[s
 
     def track(r):
         fit = r["result"].fit
-        prior, reach_m = jointfit.Prior(fit.mean, fit.covariance + step), jointfit.SEARCH_REACH_M[-1:]
+        prior, reach_m = jointfit.Prior(fit.mean, fit.covariance + step), jointfit.TRACK_REACH_M
         jointfit.fit(r["points"], fit.mean, prior=prior, gates=jointfit.TRACK_GATES, reach_m=reach_m)
 
     def card(r):

@@ -15,6 +15,7 @@ import math
 import time
 from dataclasses import replace
 from functools import cache, partial
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -44,7 +45,15 @@ MINIMUM_CONFIDENCE = 0.08  # lanes in glare and forest have 0.1 and more, specks
 MODELS = ("joint", "windows")
 ANOTHER_LANE_M = 0.1  # starts that lead to the same lane end nearer to each other than that, at 6 and at 20 m
 Channels = tuple[np.ndarray, np.ndarray]  # brightness and yellowness, (H, W) uint8 each
-Judged = tuple[JointFit | None, str, tuple[Check, ...]]  # a fit that passed every test, or None and why; the checks
+
+
+class Verdict(NamedTuple):
+    """What becomes of a frame's measurement: the ``fit`` that passes every test, or None and the ``reason`` why there
+    is none; and the sanity checks, as far as they were made."""
+
+    fit: JointFit | None
+    reason: str = ""
+    checks: tuple[Check, ...] = ()
 
 
 class LaneFinder:
@@ -74,10 +83,11 @@ class LaneFinder:
         self.recipe = threshold.recipe_by_name(recipe)
         own = recipe == threshold.DEFAULT_RECIPE
         self.model = model or ("joint" if own else "windows")
-        self.order = order or ("finder" if own and self.model == "joint" else "textbook")
+        orders = ("finder", "textbook") if own and self.model == "joint" else ("textbook",)
+        self.order = order or orders[0]
         if self.model not in MODELS:
             raise LanelibError(f"a model must be one of {', '.join(MODELS)}, found {self.model!r}")
-        if self.order not in ("finder", "textbook") or (self.order == "finder" and not (own and self.model == "joint")):
+        if self.order not in orders:
             raise LanelibError(
                 f"order {self.order!r} does not go with recipe {recipe!r}, model {self.model!r}; use order='textbook'"
             )
@@ -133,10 +143,6 @@ class LaneFinder:
             self.tracker.update(None, reason)
         return LaneResult(None, "none", reason)
 
-    def _outcome(self, frame: np.ndarray, view: View, begin: float) -> LaneResult:
-        fit, reason, checks = (self._measure_joint if self.model == "joint" else self._measure_windows)(frame, view)
-        return self._result(fit, reason, checks, frame, view, begin)
-
     def stages(self, frame_bgr: np.ndarray) -> dict[str, np.ndarray]:
         """Every intermediate picture by name; see ``stages.stages``. Does not change the tracker."""
         from lanelib.stages import stages  # drawn only on request
@@ -164,24 +170,34 @@ class LaneFinder:
         undistorted = view.rig.camera.undistort(frame)
         if self.recipe.name != threshold.DEFAULT_RECIPE:
             return self.recipe.function(undistorted)
-        slope = 0.1 / view.height_m  # paint 0.1 m wide is 0.1 / h times as wide as its depth below the horizon
+        slope = threshold.NARROWEST_PAINT_M / view.height_m
         steps = threshold.paint_steps(undistorted, horizon_row=view.rig.birdseye.horizon_row_px, paint_slope=slope)
         return list(steps.values())[-1]
 
-    def _measure_joint(self, frame: np.ndarray, view: View) -> Judged:
-        """A fit that passes every test, or None; why not; the checks."""
+    def _measure_joint(self, frame: np.ndarray, view: View) -> Verdict:
         prediction = self.tracker.predict() if self.track else None
         return self._search(frame, view) if prediction is None else self._track(frame, view, prediction)
 
-    def _search(self, frame: np.ndarray, view: View) -> Judged:
+    def _search(self, frame: np.ndarray, view: View) -> Verdict:
         """The best lane anywhere, as before the first frame."""
         return self._best(*self.points(frame, view), view)
 
     def _best(
         self, points: Points, channels: Channels, view: View, *, least_energy: float = -math.inf, known=None
-    ) -> Judged:
-        """The best lane around the car that these paint points can be; starts estimated below ``least_energy``, and
-        those that lead to the lane that is ``known``, are not followed."""
+    ) -> Verdict:
+        """The best of `_candidates` that passes every test; where none does, why the first one fails."""
+        verdicts, bright = [], cv2.add(*channels)  # in which all paint is bright
+        for fit in self._candidates(points, channels, view, least_energy, known):
+            verdicts.append(self._judge(replace(fit, inward_m=inward(fit, bright, view.grid)), begins=True))
+            if verdicts[-1].fit is not None:
+                return verdicts[-1]
+        return verdicts[0] if verdicts else self._judge(None)
+
+    def _candidates(
+        self, points: Points, channels: Channels, view: View, least_energy: float, known: np.ndarray | None
+    ) -> list[JointFit]:
+        """Lanes around the car that these paint points can be, best first; starts estimated below ``least_energy``,
+        and those that lead to the lane that is ``known`` (7,), are not followed."""
         prior = self.tracker.background
         starts = hypotheses(points, prior=prior, least_energy=least_energy, known=known)
         fits = [fit for fit in jointfit.fits(points, starts, prior=prior) if jointfit.holds_car(fit.mean, beside_m=0.0)]
@@ -191,23 +207,18 @@ class LaneFinder:
         if unsure or known is not None:  # paint alone does not decide
             fits = [replace(fit, objection=verge_objection(*channels, view.grid, fit)) for fit in fits]
             fits.sort(key=lambda fit: -fit.worth)
-        verdicts, bright = [], cv2.add(*channels)  # in which all paint is bright
-        for fit in fits:
-            verdicts.append(self._judge(replace(fit, inward_m=inward(fit, bright, view.grid)), begins=True))
-            if verdicts[-1][0] is not None:
-                return verdicts[-1]
-        return verdicts[0] if verdicts else self._judge(None)
+        return fits
 
-    def _track(self, frame: np.ndarray, view: View, prediction: Prior) -> Judged:
+    def _track(self, frame: np.ndarray, view: View, prediction: Prior) -> Verdict:
         """The lane near where it is predicted; now and then, and in doubt, a fresh search challenges it."""
         around = view.around(prediction.mean)
         points, channels = self.points(frame, around)
-        prior, gates, reach_m = self.tracker.fit_prior(prediction), jointfit.TRACK_GATES, jointfit.SEARCH_REACH_M[-1:]
+        prior, gates, reach_m = self.tracker.fit_prior(prediction), jointfit.TRACK_GATES, jointfit.TRACK_REACH_M
         fit = jointfit.fit(points, prediction.mean, prior=prior, gates=gates, reach_m=reach_m)
         inward_m = self.tracker.recall_inward() or inward(fit, cv2.add(*channels), around.grid)
         fit = replace(fit, inward_m=inward_m) if any(inward_m) else fit
         tracked = self._judge(fit)
-        lost = tracked[0] is None
+        lost = tracked.fit is None
         if self.tracker.decide_to_search(fit, lost=lost):
             if lost:  # all of the frame is looked at once more
                 fresh = self._search(frame, view)
@@ -215,44 +226,46 @@ class LaneFinder:
                 fit = replace(fit, objection=verge_objection(*channels, around.grid, fit))
                 least = self.tracker.start_needed(fit)
                 fresh = self._best(points, channels, around, least_energy=least, known=fit.mean)
-            if self.tracker.challenge(fit, fresh[0], lost=lost):
+            if self.tracker.challenge(fit, fresh.fit, lost=lost):
                 return fresh
         return tracked
 
-    def _judge(self, fit: JointFit | None, *, begins: bool = False) -> Judged:
-        """The fit, or None and the reason why it is no lane; the sanity checks. ``begins``: it continues none."""
+    def _judge(self, fit: JointFit | None, *, begins: bool = False) -> Verdict:
+        """Whether the fit is a lane; ``begins``: it continues none."""
         if fit is None:
-            return None, "no paint that could be a pair of lane lines", ()
+            return Verdict(None, "no paint that could be a pair of lane lines")
         rows = sum(fit.rows)
         if rows < MINIMUM_ROWS or fit.energy < MINIMUM_ENERGY:
             needed = f"{MINIMUM_ROWS:.1f} needed in likely places"
-            return None, f"too little paint: {rows:.1f} rows on both lines, {needed}", ()
+            return Verdict(None, f"too little paint: {rows:.1f} rows on both lines, {needed}")
         if begins and min(fit.rows) < 1 and rows < ONE_LINE_ROWS:
-            return None, f"too little paint: {rows:.1f} rows on one line alone, {ONE_LINE_ROWS:.0f} needed", ()
+            return Verdict(None, f"too little paint: {rows:.1f} rows on one line alone, {ONE_LINE_ROWS:.0f} needed")
         if confidence_of(fit) < MINIMUM_CONFIDENCE:
-            return None, f"what paint there is does not lie on two lines ({fit.rms_px:.0f} px off on average)", ()
+            return Verdict(None, f"what paint there is does not lie on two lines ({fit.rms_px:.0f} px off on average)")
         # parallel curves by construction: of the sanity checks these two can fail
         checks = check_size(fit.width_m, fit.curvature_1pm)
-        return (fit, "", checks) if all(c.ok for c in checks) else (None, implausible(checks), checks)
+        if not all(check.ok for check in checks):
+            return Verdict(None, implausible(checks), checks)
+        return Verdict(fit, checks=checks)
 
     # ------------------------------------------------------------------ the classic model
-    def _measure_windows(self, frame: np.ndarray, view: View) -> Judged:
+    def _measure_windows(self, frame: np.ndarray, view: View) -> Verdict:
         mask = view.metric.warp(self.mask(frame, view))
         last = view.lane(self.tracker.fit) if self.track and self.tracker.fit is not None else None
-        pixels = windows.find_pixels(mask, view.metric.grid, (last.left, last.right) if last else None)
-        left, right = windows.fit_lines(pixels, view.metric.grid)
+        grid = view.metric.grid
+        pixels = windows.find_pixels(mask, grid, (last.left, last.right) if last else None)
+        left, right = windows.fit_lines(pixels, grid)
         if not left or not right:
-            return None, pixels.reason or next(line.reason for line in (left, right) if not line), ()
-        lane = Lane(left, right)
-        checks = check_lane(lane, last)
-        if not all(c.ok for c in checks):
-            return None, implausible(checks), checks
-        return windows.joint_state(left, right, pixels, view.metric.grid, view.height_m, view.grid.y_m), "", checks
+            return Verdict(None, pixels.reason or next(line.reason for line in (left, right) if not line))
+        checks = check_lane(Lane(left, right), last)
+        if not all(check.ok for check in checks):
+            return Verdict(None, implausible(checks), checks)
+        return Verdict(windows.joint_state(left, right, pixels, grid, view.height_m, view.grid.y_m), checks=checks)
 
     # ------------------------------------------------------------------ the outcome
-    def _result(
-        self, fit: JointFit | None, reason: str, checks: tuple[Check, ...], frame: np.ndarray, view: View, begin: float
-    ) -> LaneResult:
+    def _outcome(self, frame: np.ndarray, view: View, begin: float) -> LaneResult:
+        """Measure and track; ``begin``: when the work on this frame began (``time.perf_counter``)."""
+        fit, reason, checks = (self._measure_joint if self.model == "joint" else self._measure_windows)(frame, view)
         status, trust = ("measured" if fit is not None else "none"), 1.0
         if self.track:
             status = self.tracker.update(fit, reason).status

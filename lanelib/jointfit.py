@@ -226,7 +226,7 @@ def holds_car(mean, *, beside_m: float = BESIDE_M) -> bool:
 
 SEARCH_GATES = (27, 16, 10, 7, 5, 4, 4)  # widths of the biweight in standard deviations, step by step
 SEARCH_REACH_M = (35, 45, 60, 85, 120, 140)  # from near to far: a bend shows its sign before its size
-TRACK_GATES = (8, 4)
+TRACK_GATES, TRACK_REACH_M = (8, 4), SEARCH_REACH_M[-1:]  # the lane is known: at once as far as the fit looks
 SUPPORT_GATE = 3.0  # standard deviations within which a point speaks for a line
 SMALL_STEP = 1.0  # of them
 

@@ -114,8 +114,9 @@ def close_gaps(mask: np.ndarray, *, size_px: int = 5) -> np.ndarray:
 # ------------------------------------------------------------------- the default: paint is a narrow ridge
 
 HORIZON_FRACTION = 0.58  # of the height: measured 0.57-0.59 on three dash-cam mountings, from where lane lines meet
-PAINT_SLOPE = 0.08  # width of the matched stripe, px per row below the horizon = metres of paint / camera height:
-# 0.10 m (the narrowest line, 4 in) seen from 1.2 m. It holds at any resolution. Wider paint still fills the stripe.
+NARROWEST_PAINT_M = 0.10  # 4 inches; wider paint still fills the matched stripe
+PAINT_SLOPE = 0.08  # width of the stripe, px per row below the horizon = metres of paint / camera height, here of the
+# narrowest paint seen from 1.2 m. It holds at any resolution.
 WIDTH_MIN_PX = 3  # farther away the lens and the demosaicing blur paint to about this
 SIDE_DISTANCE = 1.75  # centre of the road sample beside the stripe, in stripe widths: clear of paint 2.5 widths wide
 NEIGHBOURHOOD = 16  # stripe widths (about 1.6 m) over which the road's brightness and texture are averaged
