@@ -96,6 +96,11 @@ def both_lines(fits: list[JointFit]) -> list[JointFit]:
     return [fit for fit in fits if min(fit.rows) > BOTH_LINES_ROWS]
 
 
+def typical_std(fits: list[JointFit]) -> np.ndarray:
+    """Standard deviations (7,) of a single fit as it knows them itself: the median of all."""
+    return np.sqrt(np.median([np.diag(fit.covariance) for fit in fits], axis=0))
+
+
 def empty_inside(finder: LaneFinder, frame_bgr: np.ndarray, fit: JointFit) -> float:
     """1 for a lane without a third line between its two, 0.4 for one with: then it is two lanes, and the rig half as
     high as true."""
@@ -130,15 +135,12 @@ def tried(rig: Rig, frames: list[np.ndarray]) -> tuple[float, Rig]:
     value, finder = 0.0, LaneFinder(rig, track=False, neighbours=2)
     for frame in frames:
         result = finder.process(frame)
-        if result.fit is not None:  # an easy frame has 100 rows of paint; the root, so that no frame decides alone
-            rows = result.fit.support.sum(axis=1)
-            beside = sum(neighbour.line.support for neighbour in result.neighbours)
-            value += (
-                math.sqrt((rows.sum() + beside) / 100)
-                * result.confidence
-                * min(1, rows.min() / BOTH_LINES_ROWS)
-                * empty_inside(finder, frame, result.fit)
-            )
+        if result.fit is None:
+            continue
+        rows = sum(result.fit.rows) + sum(neighbour.line.support for neighbour in result.neighbours)
+        paint = math.sqrt(rows / 100)  # an easy frame has 100; the root, so that no frame decides alone
+        both = min(1, min(result.fit.rows) / BOTH_LINES_ROWS)
+        value += paint * result.confidence * both * empty_inside(finder, frame, result.fit)
     return value / len(frames) * math.sqrt(height_prior(rig.mounting["height_m"])), rig
 
 
@@ -181,7 +183,7 @@ def refined(rig: Rig, frames: list[np.ndarray], *, rounds: int = 4) -> tuple[Rig
             what = "curves" if found else "lanes with one line"
             raise LanelibError(f"a rig needs straight road with both lines, found only {what}; give other frames")
         rig = corrected(rig, used) if step < rounds else rig
-    own = np.sqrt(np.median([np.diag(fit.covariance) for fit in used], axis=0))
+    own = typical_std(used)
     if own[PITCH] > UNCERTAIN_PITCH or own[HEADING] > UNCERTAIN_HEADING:
         raise LanelibError(
             f"a rig needs clear lines, found lines that leave its pitch open by {math.degrees(own[PITCH]):.1f} and its "
@@ -205,8 +207,7 @@ def find_rig(
     ``camera``: its calibration, or None: no distortion, principal point in the middle, the focal length that
     ``hfov_deg`` along the picture's longer side gives; with ``dash_period_m`` (see ``DASH_PERIODS_M``) the one that
     gives the dashes that period. The car is taken to drive parallel to its lane: of one frame that is an assumption,
-    over a clip it averages out.
-    Roll is taken as 0.
+    over a clip it averages out. Roll is taken as 0.
 
     Raises LanelibError where the frames do not allow it: no pair of lines, only curves, different sizes, no frame.
     """
@@ -216,7 +217,7 @@ def find_rig(
     if rig is None or value < MINIMUM_VALUE / len(some) ** 0.25:
         raise LanelibError(
             "a rig needs a lane with a line on either side of the car, found no clear pair in "
-            f"{len(frames)} frame{'s'[: len(frames) > 1]}; give frames of straight, marked road"
+            f"{len(frames)} frame{'s' if len(frames) > 1 else ''}; give frames of straight, marked road"
         )
     rig, used = refined(rig, frames)
     scale = lane_width_m / UNKNOWN_ROAD.mean[WIDTH]
@@ -247,9 +248,7 @@ def _check_measured(dash: DashPeriod) -> None:
         )
 
 
-def _usable(
-    frames_bgr, camera, lane_width_m, hfov_deg, dash_period_m
-) -> tuple[list[np.ndarray], Camera, bool]:
+def _usable(frames_bgr, camera, lane_width_m, hfov_deg, dash_period_m) -> tuple[list[np.ndarray], Camera, bool]:
     """The frames (a clip thinned), the camera of their size, and whether it is only assumed; LanelibError for what
     cannot be used."""
     if not isinstance(frames_bgr, Iterable):
@@ -280,8 +279,7 @@ def _usable(
 
 def _estimate(rig, used, frames, dash, focal_std, lane_width_m, assumed, dash_period_m) -> RigEstimate:
     """Numbers, their spread and the sentence about them."""
-    means = np.array([fit.mean for fit in used])
-    own = np.sqrt(np.median([np.diag(fit.covariance) for fit in used], axis=0))
+    means, own = np.array([fit.mean for fit in used]), typical_std(used)
     if len(used) > 2:
         spread = np.maximum(means.std(axis=0, ddof=1), own)
     else:
@@ -310,7 +308,7 @@ def _estimate(rig, used, frames, dash, focal_std, lane_width_m, assumed, dash_pe
         f"pitch {m['pitch_deg']:.2f} +- {std['pitch_deg']:.2f} deg",
         f"yaw {m['yaw_deg']:.2f} +- {std['yaw_deg']:.2f} deg",
         f"focal length {focal:.0f} px ({how})",
-        f"from {len(used)} of {len(frames)} frame{'s'[: len(frames) > 1]}",
+        f"from {len(used)} of {len(frames)} frame{'s' if len(frames) > 1 else ''}",
         dash.compared(dash_period_m),
     ]
     if len(used) < FEW_FRAMES and len(used) < len(frames) / 5:

@@ -112,23 +112,22 @@ def candidates(pictures: list[np.ndarray], *, count: int = 8) -> list[tuple[tupl
     h, w = pictures[0].shape[:2]
     columns, rows = vote_grid((w, h))
     pairs, lines = np.zeros((2, len(rows), len(columns)), np.float32)
-    differences = []
+    votes = []  # of each picture: what the best pair of every possible vanishing point scores, and its difference
     for picture in pictures:
         points, weights = picture_points(picture)
         peaks = [slope_peaks(points, weights, columns, row, h) for row in rows]
-        one, difference = (np.array(of_all) for of_all in zip(*map(best_pairs, peaks), strict=True))
-        differences.append((one, difference))
-        pairs += cv2.GaussianBlur(one.astype(np.float32), (5, 5), 1.0)  # the car nods and weaves: neighbours agree
+        score, difference = (np.array(of_all) for of_all in zip(*map(best_pairs, peaks), strict=True))
+        votes.append((score, difference))
+        pairs += cv2.GaussianBlur(score.astype(np.float32), (5, 5), 1.0)  # the car nods and weaves: neighbours agree
         lines += cv2.GaussianBlur(np.sqrt(peaks).sum(axis=2), (5, 5), 1.0)
     found = []
     for i, j in meeting_points(pairs, count):
         near = slice(max(i - 1, 0), i + 2), slice(max(j - 1, 0), j + 2)
-        score = np.concatenate([s[near].ravel() for s, _ in differences])
-        difference = np.concatenate([d[near].ravel() for _, d in differences])
+        score, difference = np.concatenate([np.reshape([s[near], d[near]], (2, -1)) for s, d in votes], axis=1)
         voted = np.flatnonzero(score > 0)
         voted = voted[np.argsort(difference[voted])]
         median = voted[np.searchsorted(np.cumsum(score[voted]), score.sum() / 2)]  # of the votes
         height_m = UNKNOWN_ROAD.mean[WIDTH] / difference[median]
         found.append(((float(columns[j]), float(rows[i])), float(height_m)))
     meeting = meeting_points(lines, MEETING_POINTS)
-    return found + [((float(columns[j]), float(rows[i])), h) for i, j in meeting for h in USUAL_HEIGHTS_M]
+    return found + [((float(columns[j]), float(rows[i])), usual_m) for i, j in meeting for usual_m in USUAL_HEIGHTS_M]
