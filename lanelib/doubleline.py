@@ -18,13 +18,15 @@ DOUBLE_FROM_M, DOUBLE_TO_M = 0.25, 0.55
 CLEAR = 0.2  # rows with at least this much paint on the line are looked at: of worn lines, too
 REACH_M, FAR_M, MOST_ROWS = 0.6, 25.0, 40  # beyond 25 m the gap is finer than the pixels
 OFFSETS_M = np.arange(-24, 25) * (REACH_M / 24)
+MIDDLE = slice(16, 33)  # of these samples: within 0.2 m of the line
 FLANKS = np.flatnonzero(np.abs(OFFSETS_M) > REACH_M - 0.15)  # the road on both sides
+LEAST_LEVELS = 1.0  # grey levels above the road: averaged over so many rows, less is no paint
 SECOND_LINE = 1 / 3  # of two lines one may be worn: so bright it must be, of the other; edges are at half its height
-GAP, WIDEST = 5, 8  # samples: a dark gap of 12.5 cm between the two lines; the other one is no wider than 20 cm
+GAP, WIDEST = 5, 8  # samples: at most 4 dark ones (10 cm) between the lines; the other one is no wider than 20 cm
 
 
-def stripe_edges(picture: np.ndarray, x_m: np.ndarray, grid: Grid) -> tuple[float, float]:
-    """Where the bright stripe along ``x_m`` begins and ends, in metres to the right of it; equal where there is none.
+def profile_across(picture: np.ndarray, x_m: np.ndarray, grid: Grid) -> np.ndarray:
+    """Grey levels above the road, (49,), at `OFFSETS_M` to the right of the line ``x_m``, averaged along it.
 
     ``picture`` (H, W): rows of a bird's-eye picture of ``grid``'s columns; ``x_m`` (H,): where the line crosses them.
     """
@@ -34,9 +36,17 @@ def stripe_edges(picture: np.ndarray, x_m: np.ndarray, grid: Grid) -> tuple[floa
     index = low + np.arange(len(x_m))[:, None] * picture.shape[1]
     flat = picture.ravel()
     profile = (flat[index] * (1 - part) + flat[index + 1] * part).mean(axis=0)
-    profile -= np.median(profile[FLANKS])
-    top = 16 + int(np.argmax(profile[16:33]))  # within 0.2 m of the line
-    if profile[top] <= 1.0:  # grey levels: nothing there
+    return profile - np.median(profile[FLANKS])
+
+
+def stripe_edges(picture: np.ndarray, x_m: np.ndarray, grid: Grid) -> tuple[float, float]:
+    """Where the bright stripe along ``x_m`` begins and ends, in metres to the right of it; equal where there is none.
+
+    ``picture``, ``x_m``, ``grid``: see `profile_across`.
+    """
+    profile = profile_across(picture, x_m, grid)
+    top = MIDDLE.start + int(np.argmax(profile[MIDDLE]))
+    if profile[top] <= LEAST_LEVELS:
         return 0.0, 0.0
     values, half = profile.tolist(), (OFFSETS_M[1] - OFFSETS_M[0]) / 2
     first, last = around(values, top)

@@ -31,11 +31,10 @@ APART_M, APART_PITCH = np.array([0.25, 0.25, 0.6, 0.6]), np.deg2rad(0.3)
 HOPELESS = 15.0  # starts estimated to be worth so much less than the best one do not win
 
 
-def partners(points: Points, lines: np.ndarray, prior: Prior) -> tuple[np.ndarray, np.ndarray]:
-    """Lanes with one of ``lines`` (M, 4) as boundary: where is more paint, parallel to it? Energies (K,) and means
-    (K, 7) of the best ones of each line and of lanes of the usual width with no paint on their other side.
+def rows_beside(points: Points, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of paint on each of ``lines`` (M, 4), and on its partner for every one of `WIDTHS_PITCHES`: (M,), (M, P).
 
-    Over all widths and pitches U - U_line = -side width (q + pitch / height) sqrt(1 + slope^2).
+    The partner of a line is seen at U - U_line = -side width (q + pitch / height) sqrt(1 + slope^2).
     """
     d, a, b, c = lines.T
     side = np.where(c > 0, 1.0, -1.0)
@@ -57,15 +56,28 @@ def partners(points: Points, lines: np.ndarray, prior: Prior) -> tuple[np.ndarra
         np.multiply(z, z, out=z)
         np.maximum(np.subtract(1, z, out=z), 0, out=z)
         np.matmul(z, weight[usable[i]], out=other[i])
+    return own, other
+
+
+def partners(points: Points, lines: np.ndarray, prior: Prior) -> tuple[np.ndarray, np.ndarray]:
+    """Lanes with one of ``lines`` (M, 4) as boundary: where is more paint, parallel to it? Energies (K,) and means
+    (K, 7) of the best ones of each line and of lanes of the usual width with no paint on their other side.
+    """
+    d, a, b, c = lines.T
+    side = np.where(c > 0, 1.0, -1.0)
+    width, pitch = WIDTHS_PITCHES.T
+    own, other = rows_beside(points, lines)
     centre = c[:, None] - side[:, None] * width / 2
     heading = b[:, None] - c[:, None] * pitch / points.height_m
     energy = paint_value(own)[:, None] + paint_value(other)
     for value, i in ((width, WIDTH), (pitch, PITCH), (centre, CENTRE), (heading, HEADING)):
         energy -= 0.5 * np.square(value - prior.mean[i]) / prior.covariance[i, i]
-    every, found = np.arange(len(lines)), [(paint_value(own), prior.mean[WIDTH] + 0 * c, prior.mean[PITCH] + 0 * c)]
+    each = np.arange(len(lines))
+    # first of all the line alone
+    found = [(paint_value(own), np.full(len(lines), prior.mean[WIDTH]), np.full(len(lines), prior.mean[PITCH]))]
     for _ in range(PARTNERS):
         best = energy.argmax(axis=1)
-        found.append((energy[every, best], width[best], pitch[best]))
+        found.append((energy[each, best], width[best], pitch[best]))
         for i, lane in enumerate(best):
             energy[i, ALIKE[lane]] = -np.inf
     energy, width, pitch = np.hstack(found)

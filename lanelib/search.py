@@ -122,6 +122,11 @@ def _gather(weights: np.ndarray, window: tuple[int, int, int, int]) -> tuple[np.
     return np.column_stack((x + left, y + top)).astype(float), crop[y, x].astype(float)
 
 
+def _joined(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """Pixels (N, 2) and weights (N,) of several windows as those of one."""
+    return np.concatenate([_no_xy(), *(xy for xy, _ in parts)]), np.concatenate([_no_values(), *(w for _, w in parts)])
+
+
 def _margin(margin_px: float | None, width: int) -> float:
     """The margin given, or the default in proportion to the width."""
     if margin_px is None:
@@ -180,9 +185,7 @@ def sliding_windows(
                 centres[side] = float(xy[:, 0] @ pixel_weights / total)
             found[side].append((xy, pixel_weights))
             windows.append(Window(side, top, bottom, left, right, len(xy), enough))
-    joined = {side: (np.concatenate([_no_xy(), *(xy for xy, _ in parts)]),
-                     np.concatenate([_no_values(), *(w for _, w in parts)])) for side, parts in found.items()}
-    (left_xy, left_weights), (right_xy, right_weights) = joined["left"], joined["right"]
+    (left_xy, left_weights), (right_xy, right_weights) = _joined(found["left"]), _joined(found["right"])
     reason = _missing(left_xy, right_xy, f"in the lower half of the {width}x{height} bird's-eye view")
     return LanePixels(left_xy, right_xy, left_weights, right_weights, sums, peaks, tuple(windows), (), reason)
 
