@@ -30,11 +30,10 @@ from lanelib.lane import Lane
 from lanelib.paint import evidence_of, paint_points
 from lanelib.result import LaneResult
 from lanelib.rig import SCAN_ROWS, Rig, View
-from lanelib.scores import FrameScore, metric_score, pixel_score
+from lanelib.scores import AT_10_M, FrameScore, metric_score, pixel_score
 from lanelib.tracking import LaneTracker
 
-FROM_10_M = DISTANCES_M.index(10.0)  # where the tables begin
-LATERAL_HEAD = [f"cm at {d:.0f} m" for d in DISTANCES_M[FROM_10_M:]]
+LATERAL_HEAD = [f"cm at {d:.0f} m" for d in DISTANCES_M[AT_10_M:]]  # the tables begin at 10 m
 # As good as known: a hundredth of what cars do. Zero would leave the prior's covariance without an inverse.
 KNOWN_PITCH_RAD, KNOWN_HILL_1PM = math.radians(0.007), 1 / 600_000
 
@@ -103,7 +102,7 @@ class Run:
         for frame in self.evaluation.frames:
             row = self.rows[frame.name]
             if frame.wrong:
-                off = np.abs(frame.lateral_m[:, DISTANCES_M.index(10.0)])
+                off = np.abs(frame.lateral_m[:, AT_10_M])
                 what = f"a line {np.nanmax(off):.2f} m off at 10 m" if frame.has_lane else "a lane where there is none"
                 found.append((frame, f"wrong: {what}"))
             elif frame.has_lane and not frame.claimed:
@@ -151,7 +150,7 @@ def comparison(runs: Mapping[str, Run]) -> str:
     for name, one in runs.items():
         metric, pixels = metric_score(one.evaluation.frames), one.evaluation.pixels
         row = [name, fixed(one.right, 2), fixed(pixels.tusimple, 2), fixed(pixels.strict, 2)]
-        row += [fixed(100 * m, 1) for m in (*metric.lateral_m[FROM_10_M:], metric.offset_m)]
+        row += [fixed(100 * m, 1) for m in (*metric.lateral_m[AT_10_M:], metric.offset_m)]
         if over_time:
             clip = one.evaluation.clips()[0]
             row += [fixed(100 * clip.jitter_m, 2), fixed(clip.wrong_s, 2)]
@@ -166,7 +165,7 @@ def by_tag(one: Run) -> str:
         part = Run(replace(one.evaluation, frames=frames, pixels=pixel_score(frames)), one.rows)
         lateral = metric_score(frames).lateral_m
         row = [tag, str(len(frames)), fixed(part.right, 2), fixed(part.evaluation.pixels.tusimple, 2)]
-        rows.append(row + [fixed(100 * m, 1) for m in lateral[FROM_10_M:]])
+        rows.append(row + [fixed(100 * m, 1) for m in lateral[AT_10_M:]])
     return table(rows)
 
 

@@ -9,15 +9,7 @@ from pathlib import Path
 from lanelib.camera import Camera
 from lanelib.errors import LanelibError
 from lanelib.labels import read_labels, read_rows
-from lanelib.scores import (
-    DISTANCES_M,
-    FrameScore,
-    MetricScore,
-    PixelScore,
-    frame_score,
-    metric_score,
-    pixel_score,
-)
+from lanelib.scores import DISTANCES_M, FrameScore, MetricScore, PixelScore, frame_score, metric_score, pixel_score
 from lanelib.timescores import ClipScore, clip_score, lag_s
 
 __all__ = [

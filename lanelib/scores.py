@@ -8,7 +8,7 @@ judged.
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,6 +20,7 @@ from lanelib.labels import line_points, x_at
 LOOSE_PX, STRICT_PX = 20.0, 5.0  # TuSimple's criterion, and a quarter of it
 LINE_SHARE = 0.85  # a line with this share of its points found counts as found (TuSimple's limit)
 DISTANCES_M = (5.0, 10.0, 20.0, 30.0)
+AT_10_M, AT_20_M = DISTANCES_M.index(10.0), DISTANCES_M.index(20.0)
 BEND_1PM = 1e-3  # bends tighter than R 1000 m have an error in per cent; in wider ones per cent mean nothing
 WRONG_M = 0.5  # a line this far off at 10 m is wrong: four widths of a line's paint
 NAN = math.nan
@@ -51,7 +52,7 @@ class FrameScore:
     @property
     def wrong(self) -> bool:
         """A lane is claimed where there is none, or a line is off by more than `WRONG_M` at 10 m."""
-        off = np.abs(self.lateral_m[:, DISTANCES_M.index(10.0)])
+        off = np.abs(self.lateral_m[:, AT_10_M])
         return self.claimed and (not self.has_lane or bool(np.any(off > WRONG_M)))
 
 
@@ -126,19 +127,21 @@ def _metric_errors(truth: Mapping, prediction: Mapping | None, camera: Camera) -
     if prediction is None:
         return result
 
+    def on_road(points_px):
+        return birdseye.road_from_points(camera.undistort_points(points_px))
+
     def road_x(columns, rows):
-        return birdseye.road_from_points(camera.undistort_points(np.column_stack([columns, rows])))[:, 0]
+        return on_road(np.column_stack([columns, rows]))[:, 0]
 
     lateral = np.full(true_m.shape, NAN)
     for lane in (0, 1):
-        pixels = camera.distort_points(birdseye.points_from_road(np.column_stack([true_m[lane], at])))
-        rows = pixels[:, 1]
+        rows = camera.distort_points(birdseye.points_from_road(np.column_stack([true_m[lane], at])))[:, 1]
         seen = [x_at(truth, k, rows) for k in (0, 1)]
         # On a hill the flat plane has another scale in that row than the road; the lane's true width sets it right.
         scale = (true_m[1] - true_m[0]) / (road_x(seen[1], rows) - road_x(seen[0], rows))
         scale = np.where(np.isfinite(scale), scale, 1.0)
         lateral[lane] = (road_x(x_at(prediction, lane, rows), rows) - road_x(seen[lane], rows)) * scale
-    pose = _pose_of(prediction, road_from=lambda points: birdseye.road_from_points(camera.undistort_points(points)))
+    pose = _pose_of(prediction, on_road)
     for key, name in (("offset_m", "offset_m"), ("lane_width_m", "width_m"), ("curvature_1pm", "curvature_1pm")):
         value = prediction.get(key)
         result[name] = (pose[key] if value is None else float(value)) - float(truth[key])
@@ -154,8 +157,8 @@ def _x_of_distance(line_m: list, at_m: np.ndarray) -> np.ndarray:
     return np.interp(at_m, y[:n], x[:n], left=NAN, right=NAN) if n >= 2 else np.full(len(at_m), NAN)
 
 
-def _pose_of(prediction: Mapping, road_from, *, far_m: float = 30.0) -> dict:
-    """Offset, heading, curvature and width of the predicted pixels alone.
+def _pose_of(prediction: Mapping, on_road: Callable[[np.ndarray], np.ndarray], *, far_m: float = 30.0) -> dict:
+    """Offset, heading, curvature and width of the predicted pixels alone; ``on_road``: pixels (N, 2) to metres (N, 2).
 
     x = C_left or C_right + slope y + A y^2 + B y^3 (a clothoid): least squares over both lines to `far_m`, each
     point weighted with 1 / y, because a pixel is y / focal length wide there.
@@ -164,7 +167,7 @@ def _pose_of(prediction: Mapping, road_from, *, far_m: float = 30.0) -> dict:
     rows, values = [], []
     for lane in (0, 1):
         y_px, x_px = line_points(prediction, lane)
-        x, y = road_from(np.column_stack([x_px, y_px])).reshape(-1, 2).T
+        x, y = on_road(np.column_stack([x_px, y_px])).reshape(-1, 2).T
         good = np.isfinite(x) & (y > 0) & (y < far_m)
         if good.sum() < 3:
             return nothing

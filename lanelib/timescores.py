@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lanelib.errors import LanelibError
-from lanelib.scores import DISTANCES_M, NAN, FrameScore
+from lanelib.scores import AT_10_M, AT_20_M, NAN, FrameScore
 
 
 @dataclass(frozen=True)
@@ -37,15 +37,14 @@ def clip_score(frames: Iterable[FrameScore]) -> ClipScore:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a frame with neither line has no mean: NaN is right
         centre = np.array([np.nanmean(f.lateral_m, axis=0) for f in frames])
-    steps = np.diff(centre[:, DISTANCES_M.index(10.0)])
+    steps = np.diff(centre[:, AT_10_M])
     steps = steps[np.isfinite(steps)]
-    far = DISTANCES_M.index(20.0)
-    truth = np.array([f.centre_m[far] for f in frames])
+    truth = np.array([f.centre_m[AT_20_M] for f in frames])
     return ClipScore(
         frames[0].clip,
         len(frames),
         float(np.sqrt(np.mean(steps**2))) if len(steps) else NAN,
-        lag_s(time_s, truth, truth + centre[:, far]),
+        lag_s(time_s, truth, truth + centre[:, AT_20_M]),
         _reset_s(frames, time_s),
         _longest_s([f.wrong for f in frames], time_s),
     )

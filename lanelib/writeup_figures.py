@@ -15,7 +15,7 @@ from lanelib.errors import LanelibError
 from lanelib.finder import LaneFinder, LaneResult
 from lanelib.outputs import free_name, make_folder
 from lanelib.pictures import read_image, write_image
-from lanelib.scores import FrameScore
+from lanelib.scores import AT_20_M, FrameScore
 from lanelib.timescores import hardest
 from lanelib.video import read_frames
 
@@ -95,7 +95,7 @@ def write_clip(video: Path, rows: Sequence[dict], truth: Mapping[str, dict], fps
 
 def write_errors(frames: Sequence[FrameScore], folder: Path) -> None:
     """The worse line's error 20 m ahead of every picture with truth, in cm."""
-    errors = {f.name: 100 * float(np.nanmax(np.abs(f.lateral_m[:, 2]))) for f in frames if f.claimed and f.has_lane}
+    errors = {f.name: 100 * float(np.nanmax(np.abs(f.lateral_m[:, AT_20_M]))) for f in frames if f.claimed and f.has_lane}
     errors = {name: error for name, error in errors.items() if np.isfinite(error)}
     if errors:
         worst_first = dict(sorted(errors.items(), key=lambda item: -item[1]))
