@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .errors import LanelibError
-from .lane import STRAIGHT_1PM
+from lanelib.errors import LanelibError
+from lanelib.lane import STRAIGHT_1PM
 
 NODE_STEP_M = 0.5  # spacing of the table of the reference line; the arc between two nodes is then exact to < 0.1 mm
 COLORS = ("white", "yellow")  # of paint

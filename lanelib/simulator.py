@@ -11,8 +11,8 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from .errors import LanelibError
-from .road import CarPose, Marking, Mounting, Road, fold_radius2, frame_truth
+from lanelib.errors import LanelibError
+from lanelib.road import CarPose, Marking, Mounting, Road, fold_radius2, frame_truth
 
 # Reflectances (linear, RGB), typical values: fresh asphalt 0.04-0.06, worn 0.10-0.15, concrete 0.25-0.35, white
 # thermoplastic 0.6-0.8, yellow about (0.6, 0.35, 0.05); dry grass of a Californian summer.
