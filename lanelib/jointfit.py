@@ -50,8 +50,8 @@ class Prior:
 
 
 # A road of which nothing is known. Spread: half a lane of offset; 3.4 degrees of heading; R > 80 m; clothoids
-# of motorways (6 D = change of curvature per metre, 2e-4 on a winding road); lanes of 3.3-4 m, where it is narrow of
-# 2.9; 0.7 degrees of nod; crests of 6 km radius.
+# of motorways (6 D = change of curvature per metre, 2e-4 on a winding road); lanes of 3.3-4 m, narrow
+# ones of 2.9; 0.7 degrees of nod; crests of 6 km radius.
 UNKNOWN_ROAD = Prior(
     np.array([0, 0, 0, 0, 3.65, 0, 0]),
     np.diag(np.square([0.8, 0.06, 0.006, 3e-5, 0.35, np.deg2rad(0.7), 1 / 6000])),
@@ -96,7 +96,8 @@ class Points:
 @dataclass(frozen=True, eq=False)
 class JointFit:
     """The estimate: ``mean`` (7,), ``covariance`` (7, 7); ``support`` (2, n_rows): per line and grid row the weight
-    of the paint on it; ``energy``: support less what the prior objects."""
+    of the paint on it; ``energy``: support less what the prior objects; ``height_m`` of the camera; ``rms_px``: how far
+    the points on the lines are off them, pixels of a frame 1280 wide."""
 
     mean: np.ndarray
     covariance: np.ndarray
@@ -110,7 +111,7 @@ class JointFit:
 
     @property
     def worth(self) -> float:
-        """By which lanes of one frame are compared."""
+        """The energy less the objection: by it the lanes of one frame are compared."""
         return self.energy - self.objection
 
     @cached_property

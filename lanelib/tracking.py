@@ -45,7 +45,7 @@ MEASURED_FRAMES = 25  # by so many the rate is measured, again and again: less l
 ANOTHER_RATE = 0.02  # ... and is another one when it differs by this share
 LEAST_PACE, MOST_PACE = 0.1, 5.0  # the model takes rates above 250 and below 5 frames a second for these
 # How far each number departs from its prediction: standard deviation of a step from frame to frame at 25 frames a
-# second. Centre: 0.4 m/s sideways; heading: 0.09 radians a second; bend: from straight to R 60 m in a second; rate: by
+# second. Centre: 0.4 m/s sideways; heading: 0.09 radians a second; bend: from straight to R 50 m in a second; rate: by
 # its memory, below; width: 0.2 m/s; pitch: 6 degrees a second over bumps. A third of these does as well,
 # three times costs half a centimetre 20 m ahead on a motorway; a tenth and ten times double the error there and more
 # (notebook 05).
@@ -65,7 +65,8 @@ LEARNED, LEARNING = [WIDTH, PITCH], 0.02  # of the drive: with a memory of 50 fr
 DRIVE_COVARIANCE = UNKNOWN_ROAD.covariance.copy()
 DRIVE_COVARIANCE[WIDTH, WIDTH] = 0.25**2
 JUMPS = np.array([0.4, 0.07, 0.01, np.inf, 0.4, np.inf, np.inf])  # a larger surprise is another lane
-# Of the change of curvature from one frame to the next: none and bends that tighten come late, all and they overshoot.
+# The share of the rate that stays from one frame to the next: with none of it, bends that tighten come late; with all
+# of it, they overshoot.
 RATE_MEMORY = 0.8
 CLEAR_ROWS = 5.0  # with so many rows of paint on the weaker line the tracked lane is beyond doubt ...
 # ... unless it has less paint than this share of the last second's: it may have left the prediction behind
@@ -86,7 +87,8 @@ SMOOTHING = ("none", "average", "exponential", "kalman")
 @dataclass(frozen=True)
 class Event:
     """What one frame did to the tracker: ``status`` measured, held or none; ``missed``: for so many frames in a row the
-    lane has been held (0 where there is none to hold); ``reason`` of a miss."""
+    lane has been held (0 where there is none to hold); ``reason`` of a miss; ``handover``: the car has changed over to
+    the lane beside."""
 
     status: str
     missed: int = 0
@@ -99,9 +101,12 @@ class LaneTracker:
 
     Use: ``prior = tracker.predict()``; fit the frame under it; ``event = tracker.update(fit)`` or
     ``tracker.update(None, "why")``; the smoothed lane is ``tracker.shown`` (None when there is none). ``tracker.fit``
-    is what the next prediction starts from. ``fps``: frames a second; ``hold_frames``: for how many a lost lane is
-    held, by default half a second's, but one at least. Raises LanelibError for an unknown smoothing, and for a rate not
-    above 0.
+    is what the next prediction starts from.
+
+    ``smoothing``: one of `SMOOTHING`; ``n``: frames of the average; ``alpha``: of the exponential; ``step_std`` (7,):
+    the process noise of a frame at 25 frames a second. ``fps``: frames a second; ``hold_frames``: for how many a lost
+    lane is held, by default half a second's, but one at least. Raises LanelibError for an unknown smoothing, and for a
+    rate not above 0.
     """
 
     def __init__(
