@@ -95,7 +95,8 @@ def write_clip(video: Path, rows: Sequence[dict], truth: Mapping[str, dict], fps
 
 def write_errors(frames: Sequence[FrameScore], folder: Path) -> None:
     """The worse line's error 20 m ahead of every picture with truth, in cm."""
-    errors = {f.name: 100 * float(np.nanmax(np.abs(f.lateral_m[:, AT_20_M]))) for f in frames if f.claimed and f.has_lane}
+    found = [frame for frame in frames if frame.claimed and frame.has_lane]
+    errors = {frame.name: 100 * float(np.nanmax(np.abs(frame.lateral_m[:, AT_20_M]))) for frame in found}
     errors = {name: error for name, error in errors.items() if np.isfinite(error)}
     if errors:
         worst_first = dict(sorted(errors.items(), key=lambda item: -item[1]))
