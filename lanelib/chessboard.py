@@ -59,28 +59,11 @@ def find_board(image: np.ndarray, board_wh: tuple[int, int] = (9, 6)) -> BoardCo
     board_wh = check_board_wh(board_wh)
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
 
-    best, skipped = None, False
-    scales = [1.0]
-    while max(grey.shape) * scales[0] > 1.5 * SMALL_LONG_SIDE:
-        scales.insert(0, scales[0] / 2)
-    for scale in scales:
-        grid = _detect(grey, (min(SEED_SIDE, *board_wh),) * 2, scale, larger=True)
-        if grid is None:
-            continue
-        part = _chessboard_part(grey, grid)
-        if part is None:
-            skipped = True
-        elif best is None or part.size > best.size:
-            best = part
-        if best is not None and best.size >= 2 * board_wh[0] * board_wh[1]:
-            break
-    if skipped and (best is None or best.size < 2 * board_wh[0] * board_wh[1]):
-        best = _larger_part(grey, best, board_wh, scales[:2])
-    if best is None:
+    seen = _largest_part(grey, board_wh)
+    if seen is None:
         board = f"{board_wh[0]}x{board_wh[1]} board"
         return BoardCorners(reason=f"no {board} seen: none there, too small, blurred or mostly hidden")
-
-    grid = _in_order(grey, _measure(grey, best), board_wh)
+    grid = _in_order(grey, _measure(grey, seen), board_wh)
     h, w = grid.shape[:2]
     if w > board_wh[0] or h > board_wh[1]:
         return BoardCorners(reason=f"shows {w}x{h} inner corners, more than {board_wh[0]}x{board_wh[1]}")
@@ -112,6 +95,27 @@ def straightness_px(corners_px: np.ndarray, corners_wh: tuple[int, int]) -> floa
         squares += np.linalg.svd(line - line.mean(axis=0), compute_uv=False)[-1] ** 2
         count += len(line)
     return float(np.sqrt(squares / count))
+
+
+def _largest_part(grey: np.ndarray, board_wh: tuple[int, int]) -> np.ndarray | None:
+    """The largest grid (h, w, 2) of a chessboard that is found, at twice the scale each time until all of it is."""
+    best, skipped = None, False
+    whole = 2 * board_wh[0] * board_wh[1]  # x and y of every corner
+    scales = [1.0]
+    while max(grey.shape) * scales[0] > 1.5 * SMALL_LONG_SIDE:
+        scales.insert(0, scales[0] / 2)
+    for scale in scales:
+        grid = _detect(grey, (min(SEED_SIDE, *board_wh),) * 2, scale, larger=True)
+        if grid is None:
+            continue
+        part = _chessboard_part(grey, grid)
+        if part is None:
+            skipped = True
+        elif best is None or part.size > best.size:
+            best = part
+        if best is not None and best.size >= whole:
+            return best
+    return _larger_part(grey, best, board_wh, scales[:2]) if skipped else best
 
 
 def _detect(grey: np.ndarray, grid_wh: tuple[int, int], scale: float, *, larger: bool) -> np.ndarray | None:
