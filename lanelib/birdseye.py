@@ -28,6 +28,7 @@ from lanelib.errors import LanelibError
 CLASSIC_SOURCE = np.array([(576, 454), (704, 454), (1088, 684), (192, 684)]) / (1280, 720)
 CLASSIC_TARGET = np.array([(320, 0), (960, 0), (960, 720), (320, 720)]) / (1280, 720)
 
+UNSEEN_PX = -1e4  # a place outside of every frame, and within the 16 bits of OpenCV's fixed-point maps
 EQUAL_STEPS = 1e-3  # of a column; numbers in single precision differ by 1e-4 of 5 mm
 CAMERA_FROM_ROAD_AXES = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # x right; y down = -z up; z forward = y ahead
 
@@ -330,7 +331,7 @@ class BirdsEye:
         grid = grid or self.grid
         x, y = np.meshgrid(grid.x_m, grid.y_m)
         pixels = camera.distort_points(self.points_from_road(np.column_stack([x.ravel(), y.ravel()])))
-        pixels = np.where(np.isfinite(pixels), pixels, -1e4).reshape(*x.shape, 2).astype(np.float32)
+        pixels = np.where(np.isfinite(pixels), pixels, UNSEEN_PX).reshape(*x.shape, 2).astype(np.float32)
         return cv2.convertMaps(pixels[..., 0], pixels[..., 1], cv2.CV_16SC2)
 
 

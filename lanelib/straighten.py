@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from lanelib.birdseye import UNSEEN_PX
 from lanelib.channels import yuv420_planes
 from lanelib.jointfit import BEND, CENTRE, HEADING, LOCATION_STD_M, LOCATION_STD_PX, RATE, JointFit, distance
 from lanelib.paint import brightness_of_luma, evidence_of, paint_channels, paint_points, yellow_of_uv
@@ -69,7 +70,7 @@ def straightened(view: View, fit: JointFit, *, reach_m: float, far_m: float = FA
     x = centre[:, None] + nodes * np.sqrt(1 + slope * slope)[:, None]
     flat = np.stack([x * (y0 / y)[:, None], np.broadcast_to(y0[:, None], x.shape)], axis=-1).reshape(-1, 2)
     pixels = view.rig.camera.distort_points(view.rig.birdseye.points_from_road(flat))
-    pixels = np.where(np.isfinite(pixels), pixels, -1e4).reshape(*x.shape, 2)
+    pixels = np.where(np.isfinite(pixels), pixels, UNSEEN_PX).reshape(*x.shape, 2)
     node = np.minimum((columns + n) // NODE, len(nodes) - 2)
     part = (columns + n - NODE * node)[:, None] / NODE
     between = pixels[:, node] * (1 - part) + pixels[:, node + 1] * part
