@@ -13,7 +13,7 @@ import threading
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
-from functools import partial
+from functools import cache, partial
 from itertools import chain
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from lanelib import datasets, rigs
 from lanelib.camera import Camera
 from lanelib.errors import BAD_INPUT, LanelibError
 from lanelib.files import write_bytes
-from lanelib.finder import LaneFinder
+from lanelib.finder import LaneFinder, Rig
 from lanelib.outputs import (
     Console,
     check_place,
@@ -137,20 +137,21 @@ def image(args: argparse.Namespace, console: Console) -> int:
     sources = [*pictures, *_rig_files(args)]
     read = identities(sources)
     chooser = rigs.RigChooser(args.rig, pictures, console.note)
-    finders: dict[int, LaneFinder] = {}
+
+    @cache
+    def finder_of(rig: Rig) -> LaneFinder:
+        return LaneFinder(rig, recipe=args.recipe, track=False, neighbours=args.neighbours)
+
     with json_lines(args.json, sources=sources) as write_row:
         for path, raw_file in zip(pictures, raw_names(pictures), strict=True):
             try:
                 with _system_errors_of(path):
                     frame = read_image(path)
-                    rig = chooser.for_picture(path, frame)  # the chooser keeps every rig, so that no id comes twice
-                    if id(rig) not in finders:
-                        finders[id(rig)] = LaneFinder(rig, recipe=args.recipe, track=False, neighbours=args.neighbours)
-                    result = finders[id(rig)].process(frame)
+                    finder = finder_of(chooser.for_picture(path, frame))
+                    result = finder.process(frame)
                     write_row(result.to_row(raw_file))
                     out = free_name(picture_output(path, args.output, alone=len(pictures) == 1), taken)
                     make_folder(out.parent)
-                    finder = finders[id(rig)]
                     wrote = write_pictures(frame, result, finder, out, with_stages=args.stages, read=read)
                     more = f" and {len(wrote) - 1} stages" if len(wrote) > 1 else ""
                     console.result(f"{path}: {describe(result)}; wrote {out}{more}")

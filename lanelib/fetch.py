@@ -179,14 +179,8 @@ class PackageIndex:
         # One retry after 20 s of silence: without a network, the second source is tried after less than a minute.
         command += ["--retries", "1", "--timeout", "20", "--", self.requirement]
         try:
-            run = subprocess.run(
-                command,
-                capture_output=True,
-                encoding="utf-8",
-                errors="replace",
-                timeout=_WHEEL_S,
-                stdin=subprocess.DEVNULL,
-            )
+            run = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=_WHEEL_S,
+                                 encoding="utf-8", errors="replace")
         except subprocess.TimeoutExpired:
             raise LanelibError(f"{self.name}: {self.requirement} did not arrive within {_WHEEL_S // 60} min") from None
         except OSError as error:

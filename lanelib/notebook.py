@@ -175,14 +175,14 @@ def _make_simulated(rig: Rig, folder: Path) -> None:
 
 def simulate(rig: Rig, *, seconds: float, seed: int = 0) -> Iterator[tuple[np.ndarray, dict]]:
     """A drive with this rig, frame by frame with its truth: straight, a bend to the left of 600 m, shade, straight."""
-    road = Road([0, 30, 70, 130, 170, 400], [0, 0, 1 / 600, 1 / 600, 0, 0])
+    bend = Road([0, 30, 70, 130, 170, 400], [0, 0, 1 / 600, 1 / 600, 0, 0])
     camera, mounting = rig.camera, rig.mounting
     for index in range(round(seconds * FPS)):
         s = index * SPEED_MPS / FPS
         bounce = 0.12 * np.sin(2 * np.pi * 1.4 * index / FPS)  # a car's body on its springs: 1 to 2 Hz
         yield render_road(
             Scene(
-                road=road,
+                road=bend,
                 pose=CarPose(s, 0.25 * np.sin(s / 31), 0.25 / 31 * np.cos(s / 31)),
                 mounting=Mounting(**{**mounting, "pitch_deg": mounting["pitch_deg"] + bounce}),
                 size_wh=camera.size_wh,

@@ -269,15 +269,8 @@ class View:
     def points(self, paint: PaintPoints) -> Points:
         """Paint points of a scan as the joint fit wants them."""
         inverse = self._inverse_y[paint.row]
-        return Points(
-            self.grid.x_of(paint.column) * inverse,
-            inverse,
-            paint.row,
-            paint.weight,
-            self.focal_px,
-            self.height_m,
-            len(self.grid.y_m),
-        )
+        bearing, n_rows = self.grid.x_of(paint.column) * inverse, len(self.grid.y_m)
+        return Points(bearing, inverse, paint.row, paint.weight, self.focal_px, self.height_m, n_rows)
 
     def points_of_mask(self, mask: np.ndarray) -> Points:
         """Points of a 0/255 mask on the scan grid: the middles of what is white."""

@@ -148,15 +148,8 @@ def draw_corners(picture: np.ndarray, corners_xy, board_wh: tuple[int, int]) -> 
         line_in_place(picture, row, colour, 0.4 * radius)
         for x, y in row if spacing >= SMALLEST_RINGS_PX else ():
             ring_in_place(picture, (x, y), colour, radius)
-    cv2.circle(
-        picture,
-        tuple(np.round(corners[0] * 16).astype(int).tolist()),
-        round(2.2 * radius * 16),
-        bgr("none"),
-        max(1, round(0.5 * radius)),
-        cv2.LINE_AA,
-        4,
-    )
+    first, thick = np.round(corners[0] * ONE).astype(int).tolist(), max(1, round(0.5 * radius))
+    cv2.circle(picture, first, round(2.2 * radius * ONE), bgr("none"), thick, cv2.LINE_AA, SHIFT)
     return picture
 
 
