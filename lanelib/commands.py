@@ -336,14 +336,9 @@ def live(args: argparse.Namespace, console: Console) -> int:
         finder.tracker.tell_time(time_s)
         return picture_of(args.view, frame, finder.process(frame), finder)
 
+    window = False if args.page else None
     summary = streaming.live(
-        args.source,
-        step,
-        host=args.host,
-        port=args.port,
-        max_frames=args.frames,
-        window=False if args.page else None,
-        on_status=console.note,
+        args.source, step, window=window, host=args.host, port=args.port, max_frames=args.frames, on_status=console.note
     )
     console.result(summary)
     return 0

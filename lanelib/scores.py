@@ -192,14 +192,14 @@ def pixel_score(frames: Iterable[FrameScore]) -> PixelScore:
     errors = np.concatenate(lines)
     seen = np.isfinite(errors)
     return PixelScore(
-        len(labelled),
-        len(errors),
-        float(np.mean(errors < LOOSE_PX)),
-        float(np.mean(errors < STRICT_PX)),
-        float(np.mean([np.mean(line < LOOSE_PX) >= LINE_SHARE for line in lines])),
-        float(seen.mean()),
-        float(errors[seen].mean()) if seen.any() else NAN,
-        float(np.percentile(errors[seen], 95)) if seen.any() else NAN,
+        frames=len(labelled),
+        points=len(errors),
+        tusimple=float(np.mean(errors < LOOSE_PX)),
+        strict=float(np.mean(errors < STRICT_PX)),
+        lanes=float(np.mean([np.mean(line < LOOSE_PX) >= LINE_SHARE for line in lines])),
+        seen=float(seen.mean()),
+        mean_px=float(errors[seen].mean()) if seen.any() else NAN,
+        p95_px=float(np.percentile(errors[seen], 95)) if seen.any() else NAN,
     )
 
 
@@ -209,18 +209,17 @@ def metric_score(frames: Iterable[FrameScore]) -> MetricScore:
     lanes, empty = [f for f in frames if f.has_lane], [f for f in frames if not f.has_lane]
     bends = [f for f in lanes if abs(f.bend_1pm) > BEND_1PM]
     straights = [f for f in lanes if abs(f.bend_1pm) <= BEND_1PM]
-    lateral = tuple(_median(f.lateral_m[:, i] for f in lanes) for i in range(len(DISTANCES_M)))
     return MetricScore(
-        len(frames),
-        float(np.mean([f.claimed for f in lanes])) if lanes else NAN,
-        len(empty),
-        sum(f.claimed for f in empty),
-        lateral,
-        _median(f.offset_m for f in lanes),
-        _median(f.width_m for f in lanes),
-        _median(f.heading_rad for f in lanes),
-        _median(f.curvature_1pm / f.bend_1pm for f in bends),
-        _median(f.curvature_1pm for f in straights),
+        frames=len(frames),
+        found=float(np.mean([f.claimed for f in lanes])) if lanes else NAN,
+        empty=len(empty),
+        false_lanes=sum(f.claimed for f in empty),
+        lateral_m=tuple(_median(f.lateral_m[:, i] for f in lanes) for i in range(len(DISTANCES_M))),
+        offset_m=_median(f.offset_m for f in lanes),
+        width_m=_median(f.width_m for f in lanes),
+        heading_rad=_median(f.heading_rad for f in lanes),
+        curvature=_median(f.curvature_1pm / f.bend_1pm for f in bends),
+        curvature_1pm=_median(f.curvature_1pm for f in straights),
     )
 
 

@@ -41,12 +41,12 @@ def clip_score(frames: Iterable[FrameScore]) -> ClipScore:
     steps = steps[np.isfinite(steps)]
     truth = np.array([f.centre_m[AT_20_M] for f in frames])
     return ClipScore(
-        frames[0].clip,
-        len(frames),
-        float(np.sqrt(np.mean(steps**2))) if len(steps) else NAN,
-        lag_s(time_s, truth, truth + centre[:, AT_20_M]),
-        _reset_s(frames, time_s),
-        _longest_s([f.wrong for f in frames], time_s),
+        clip=frames[0].clip,
+        frames=len(frames),
+        jitter_m=float(np.sqrt(np.mean(steps**2))) if len(steps) else NAN,
+        lag_s=lag_s(time_s, truth, truth + centre[:, AT_20_M]),
+        reset_s=_reset_s(frames, time_s),
+        wrong_s=_longest_s([f.wrong for f in frames], time_s),
     )
 
 

@@ -63,13 +63,8 @@ def own_rig(pictures: list[np.ndarray]) -> Rig | None:
 def row_of(what: str, frames: list[FrameScore]) -> list[str]:
     """One line of the table."""
     s = pixel_score(frames)
-    return [
-        what,
-        str(len(frames)),
-        f"{np.mean([frame.claimed for frame in frames]):.2f}",
-        f"{s.tusimple:.3f}",
-        f"{s.strict:.3f}",
-    ]
+    claimed = np.mean([frame.claimed for frame in frames])
+    return [what, str(len(frames)), f"{claimed:.2f}", f"{s.tusimple:.3f}", f"{s.strict:.3f}"]
 
 
 def measure(folders: list[Path]) -> tuple[dict[str, list[FrameScore]], int]:

@@ -111,10 +111,7 @@ def smoothing_look(
     raw = np.array([centre_at(None if fit is None else fit.mean, ahead_m) for fit in fits])
     found = np.array([centre_at(mean, ahead_m) for mean in means])
     true = np.array([true_centre_at(t, ahead_m) for t in truth]) if truth is not None else np.full(len(fits), np.nan)
-    curves = [
-        Curve("each frame alone", time_s, raw, alone, points=True),
-        Curve("smoothed", time_s, found, colour),
-    ]
+    curves = [Curve("each frame alone", time_s, raw, alone, points=True), Curve("smoothed", time_s, found, colour)]
     if truth is not None:
         curves.insert(0, Curve("truth", time_s, true, "text", 1.5))
     held = np.array([status == "held" for status in statuses])

@@ -135,9 +135,7 @@ class Said:
             if line.startswith("|") != parts[-1][-1].startswith("|"):
                 parts.append([])
             parts[-1].append(line)
-        return "\n\n".join(
-            "\n".join(part if part[0].startswith("|") else ["```text", *part, "```"]) for part in parts
-        )
+        return "\n\n".join("\n".join(part if part[0].startswith("|") else ["```text", *part, "```"]) for part in parts)
 
     @property
     def clauses(self) -> Said:

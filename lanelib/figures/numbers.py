@@ -59,13 +59,9 @@ def over_time(
     Of a single method, frames held are shaded orange, those without a lane vermillion.
     """
     methods = rows if isinstance(rows, Mapping) else {"estimate": rows}
+    size_in = (WIDTH_IN, 1.9 * len(quantities) + 0.7)
     figure, axes = plt.subplots(
-        len(quantities),
-        1,
-        figsize=(WIDTH_IN, 1.9 * len(quantities) + 0.7),
-        layout="constrained",
-        sharex=True,
-        squeeze=False,
+        len(quantities), 1, figsize=size_in, layout="constrained", sharex=True, squeeze=False
     )
 
     def series(rows, key, factor):
@@ -80,26 +76,14 @@ def over_time(
         for i, (name, own) in enumerate(methods.items()):
             a.plot(seconds(own), series(own, key, factor), color=colours[i % len(colours)], label=name, linewidth=1.4)
         if truth is not None:
-            a.plot(
-                seconds(truth),
-                series(truth, key, factor),
-                color=PALETTE["truth"],
-                linestyle=DASHES,
-                linewidth=1.1,
-                label="truth",
-            )
+            true = series(truth, key, factor)
+            a.plot(seconds(truth), true, color=PALETTE["truth"], linestyle=DASHES, linewidth=1.1, label="truth")
         if len(methods) == 1:
             own = next(iter(methods.values()))
-            for status in ("held", "none"):
-                for begin, end in _runs([row.get("status") == status for row in own]):
-                    a.axvspan(
-                        seconds(own)[begin],
-                        seconds(own)[end - 1] + 1 / fps,
-                        color=PALETTE[status],
-                        alpha=0.18,
-                        linewidth=0,
-                        label={"held": "held from before", "none": "no lane"}[status],
-                    )
+            for status, words in (("held", "held from before"), ("none", "no lane")):
+                for first, end in _runs([row.get("status") == status for row in own]):
+                    begin_s, end_s = seconds(own)[first], seconds(own)[end - 1] + 1 / fps
+                    a.axvspan(begin_s, end_s, color=PALETTE[status], alpha=0.18, linewidth=0, label=words)
         a.set_ylabel(label)
     handles = dict(zip(*reversed(axes[0, 0].get_legend_handles_labels()), strict=True))
     figure.legend(handles.values(), handles.keys(), loc="outside upper right", ncols=len(handles))
@@ -132,24 +116,11 @@ def bars(
     figure, a = plt.subplots(figsize=(8, 0.36 * len(names) + 1.0), layout="constrained")
     colours = [PALETTE["estimate"] if name == highlight else PALETTE["accent"] for name in names]
     whiskers = None if errors is None else [errors.get(name, np.nan) for name in names]
-    a.barh(
-        names,
-        numbers,
-        xerr=whiskers,
-        color=colours,
-        height=0.66,
-        error_kw={"ecolor": INK, "elinewidth": 1.2, "capsize": 3},
-    )
+    whisker_style = {"ecolor": INK, "elinewidth": 1.2, "capsize": 3}
+    a.barh(names, numbers, xerr=whiskers, color=colours, height=0.66, error_kw=whisker_style)
     for i, (name, number) in enumerate(zip(names, numbers, strict=True)):
-        beside = number + (errors or {}).get(name, 0.0)
-        a.annotate(
-            f"{number:.{digits}f}",
-            (max(beside, 0), i),
-            xytext=(6, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=8.5,
-        )
+        words, end = f"{number:.{digits}f}", max(number + (errors or {}).get(name, 0.0), 0)
+        a.annotate(words, (end, i), xytext=(6, 0), textcoords="offset points", va="center", fontsize=8.5)
     a.invert_yaxis()
     a.margins(x=0.12)
     a.set(xlabel=unit, title=title, xscale="log" if log else "linear")
@@ -178,13 +149,8 @@ def curves(
         style: dict[str, Any] = {"color": colours[name]} if colours and name in colours else {}
         style = {"color": PALETTE["truth"], "linestyle": DASHES} if name == truth else style
         a.plot(x, y, marker="o" if markers and name != truth else None, markersize=4, label=name, **style)
-    a.set(
-        xlabel=xlabel,
-        ylabel=ylabel,
-        title=title,
-        xscale="log" if logx else "linear",
-        yscale="log" if logy else "linear",
-    )
+    a.set(xlabel=xlabel, ylabel=ylabel, title=title)
+    a.set(xscale="log" if logx else "linear", yscale="log" if logy else "linear")
     if len(series) > 1:  # outside, so that it hides no curve
         figure.legend(*a.get_legend_handles_labels(), loc="outside upper right", ncols=min(len(series), 5))
     return figure

@@ -65,11 +65,8 @@ def boards(pictures, views, board_wh=(9, 6), *, columns: int = 5) -> Figure:
             small = draw.draw_corners(small, (view.corners_px + 0.5) * scale - 0.5, view.corners_wh or board_wh)
         put_picture(a, small if view.used else cv2.addWeighted(small, 0.5, np.full_like(small, 255), 0.5, 0))
         error = "" if view.rms_px is None else f"{view.rms_px:.2f} px"
-        a.set_title(
-            f"{Path(view.name).stem.removeprefix('calibration')}:  {error if view.used else 'not used'}",
-            fontsize=8.5,
-            color=INK if view.used else PALETTE["none"],
-        )
+        title = f"{Path(view.name).stem.removeprefix('calibration')}:  {error if view.used else 'not used'}"
+        a.set_title(title, fontsize=8.5, color=INK if view.used else PALETTE["none"])
     return figure
 
 
@@ -108,13 +105,10 @@ def thresholds(frame_bgr, masks: Mapping[str, np.ndarray], *, paint=None, column
 @in_style
 def channels(frame_bgr, names: Sequence[str], *, ranges: Mapping[str, tuple[float, float]] | None = None) -> Figure:
     """Channels by name (`channels.CHANNELS`), each with its histogram; ``ranges``: {name: (low, high)} to shade."""
+    picture_in = WIDTH_IN / len(names) * 0.5625  # the height of a picture of 16:9
+    size_in, heights = (WIDTH_IN, picture_in + 1.7), (picture_in, 1.2)
     figure, axes = plt.subplots(
-        2,
-        len(names),
-        figsize=(WIDTH_IN, WIDTH_IN / len(names) * 0.5625 + 1.7),
-        layout="constrained",
-        squeeze=False,
-        height_ratios=(WIDTH_IN / len(names) * 0.5625, 1.2),
+        2, len(names), figsize=size_in, layout="constrained", squeeze=False, height_ratios=heights
     )
     for (top, bottom), name in zip(axes.T, names, strict=True):
         values = CHANNELS[name](frame_bgr)

@@ -84,13 +84,8 @@ def fit(
     if view is not None:
         a.imshow(rgb(view), extent=extent_of(grid), aspect="auto", alpha=0.75)
     for name, xy in (points_m or {}).items():
-        a.plot(
-            *np.asarray(xy, float).reshape(-1, 2).T,
-            ".",
-            color=PALETTE.get(name, PALETTE["other"]),
-            markersize=3,
-            alpha=0.45,
-        )
+        x, y = np.asarray(xy, float).reshape(-1, 2).T
+        a.plot(x, y, ".", color=PALETTE.get(name, PALETTE["other"]), markersize=3, alpha=0.45)
     named = {"left": lane.left, "right": lane.right} if lane is not None else {}
     series = iter(SERIES[2:])
     for name, line in {**named, **(lines or {})}.items():
@@ -101,13 +96,9 @@ def fit(
         if np.isfinite(std).all():
             a.fill_betweenx(y, x - 2 * std, x + 2 * std, color=colour, alpha=0.2, linewidth=0)
     for i, xy in enumerate(truth_m or ()):
-        a.plot(
-            *_up_to(np.asarray(xy, float), y_max_m).T,  # what is not shown must not widen the axis
-            color=PALETTE["truth"],
-            linestyle=DASHES,
-            linewidth=1.2,
-            label="truth" if i == 0 else None,
-        )
+        x, y = _up_to(np.asarray(xy, float), y_max_m).T  # what is not shown must not widen the axis
+        words = "truth" if i == 0 else None
+        a.plot(x, y, color=PALETTE["truth"], linestyle=DASHES, linewidth=1.2, label=words)
     a.plot(0, 0, marker="^", color=INK, markersize=10, clip_on=False)
     a.set(xlabel="x to the right, m", ylabel="y ahead, m", ylim=(0, y_max_m))
     if len(a.get_legend_handles_labels()[0]):
