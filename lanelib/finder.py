@@ -38,8 +38,8 @@ __all__ = ["LaneFinder", "LaneResult", "Rig", "View", "confidence_of", "line_at_
 
 MINIMUM_ENERGY = 7.0  # of the joint fit; pictures of noise reach 3 (tests/test_finder.py)
 MINIMUM_ROWS = 6.5  # of clear paint on both lines together, of 112: a dash further away; 1000 pictures of noise reach 6
-# Where the other line has less than one, so many to begin with: cracks and stains of bare roads make up to 12, and
-# never two lines
+# Where a lane begins with less than one row on one line, the other needs so many: cracks and stains of bare roads make
+# up to 12, and never two lines
 ONE_LINE_ROWS = 13.0
 MINIMUM_CONFIDENCE = 0.08  # lanes in glare and forest have 0.1 and more, specks on a road without paint 0.05
 MODELS = ("joint", "windows")

@@ -67,7 +67,7 @@ def votes(points: Points) -> np.ndarray:
 
 def peaks(table: np.ndarray, objected: np.ndarray | float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Bend, bearing and x, (K,) each, of the highest local maxima of the accumulator, each bin less what is
-    ``objected`` to it: or the lines of other lanes, where they are solid, would take all the places."""
+    ``objected`` to it; otherwise the solid lines of other lanes would take all the places."""
     n_bearings, n_x = table.shape[1:]
     flat: np.ndarray = cv2.sepFilter2D(
         table.reshape(-1, n_x), -1, np.array([0.6, 1, 0.6]), np.ones(1), borderType=cv2.BORDER_CONSTANT

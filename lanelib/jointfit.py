@@ -251,7 +251,7 @@ def fits(
     information = np.tile(prior.information, (len(mean), 1, 1))
     others = prior.information[RATE, RATE] - 1 / rate_variance  # what the prior of the other numbers says of the rate
     scale, weight = 1 / points.std, points.weight / NEIGHBOURS
-    jacobian = np.empty((len(mean), 8, len(points)))  # and below it what is to be explained
+    jacobian = np.empty((len(mean), 8, len(points)))  # seven derivatives, and below them the residuals
     for step, gate in enumerate(gates):
         information[:, RATE, RATE] = others + 1 / np.minimum(rate_variance, np.square(rate_std(mean)))
         if step < len(reach_m):

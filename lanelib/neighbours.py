@@ -43,7 +43,7 @@ ASIDE_M = 0.4  # columns nearer to the candidate are not "aside"
 ENOUGH_ROWS = 8.0  # three dashes: a confidence of 0.6
 CLEAR = 0.2  # rows with at least this much paint are looked at across
 # change of cross slope from lane to lane (AASHTO Green Book: 1.5-2 %, breaking at crowns): what lies lower than the ego
-# lane's plane by z appears nearer by z / height, so this is what a neighbour's width is not known better than
+# lane's plane by z appears nearer by z / height, so a neighbour's width is known no better than that
 CROWN = 0.01
 # width of a stripe from 4-inch paint, thinned by wear, to a line seen from 50 m; double lines, which are yellow, with
 # their gap. Guard rails and the foot of walls are 0.4-0.5 m wide

@@ -29,7 +29,7 @@ from lanelib.paint import PaintPoints, brightness_of_luma, paint_channels, paint
 RIG_FORMAT = "lanelib-rig/1"
 SCAN_COLUMN_M, SCAN_REACH_M, SCAN_ROWS = 0.05, 7.5, 112  # chosen by accuracy against truth: see notebook 07
 # What lies between two rows of the scan counts where they are further apart than a Botts' dot is long (4 inches), and
-# where it is brighter by more than noise and the difference of the nearest from the interpolated pixel
+# where it is brighter by more than noise, and the nearest pixel in place of an interpolated one, can make it
 DOT_M, SHINING_LEVELS = 0.10, 12
 FAR_ROW_M = 10.0  # the farthest scan row is where one pixel of a 1280-wide frame covers 10 m of road
 # Lines are reported to 2.5 times the distance of the last paint, three fifths of the way that is left to the horizon in
@@ -183,8 +183,8 @@ class View:
         return luma, cv2.remap(yellow_of_uv(u[first:], v[first:]), *half_table, cv2.INTER_LINEAR)
 
     def _with_shining(self, brightness: np.ndarray, scan: np.ndarray, frame: np.ndarray, between) -> np.ndarray:
-        """``brightness`` (H, W), more by what the ``frame`` is brighter half way to the next row than in the ``scan``
-        (H, W): a Botts' dot may be seen there and nowhere else."""
+        """``brightness`` (H, W), raised by as much as the ``frame`` half way to the next row is brighter than the
+        ``scan`` (H, W): a Botts' dot may be seen there and nowhere else."""
         at, noise = between
         if len(noise):
             shining = cv2.subtract(cv2.subtract(frame.reshape(-1).take(at), noise), scan[: len(noise)])

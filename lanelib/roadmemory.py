@@ -62,8 +62,8 @@ class RoadMemory:
         known = [self.curvature_1pm(y, near) for y in STEPS_M]
         if any(map(math.isnan, known)):
             return lane
-        # x'' = -k: where the line is right at NEAR_M, a curvature greater by dk(y) before it moves the line at the car
-        # by minus the integral of dk y dy, and the car the other way
+        # x'' = -k, and the line is right at NEAR_M: a curvature that is greater by dk(y) on this side of it moves the
+        # line at the car by minus the integral of dk y dy, and the offset by as much the other way
         shift = sum((k - t) * y * w for k, t, y, w in zip(known, told, STEPS_M, WEIGHTS_M, strict=True))
         return replace(lane, here=Here(known[0], lane.offset_m + shift))
 

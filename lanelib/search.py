@@ -63,8 +63,8 @@ class LanePixels:
 
 
 def _weights(mask: np.ndarray) -> np.ndarray:
-    """(H, W) float32 weights of 0 and more: of whole numbers 0..255 becomes 0..1 and a mask of 0 and 1 stays, as a
-    picture of floats does; NaN and negative become 0."""
+    """(H, W) float32 weights, 0 and more: whole numbers 0..255 become 0..1; a mask of 0 and 1, and a picture of floats,
+    stay as they are; NaN and negative numbers become 0."""
     weights = one_channel(mask).astype(np.float32)
     if mask.dtype.kind in "ui" and mask.max() > 1:
         weights *= np.float32(1 / 255)

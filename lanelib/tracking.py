@@ -71,8 +71,8 @@ RATE_MEMORY = 0.8
 CLEAR_ROWS = 5.0  # with so many rows of paint on the weaker line the tracked lane is beyond doubt ...
 # ... unless it has less paint than this share of the last second's: it may have left the prediction behind
 FADING = 0.8
-# Without doubt, too: a guard rail's foot has paint enough to be followed. Of what is held for sure, once a second: no
-# wrong lane of the Udacity clips came above 0.8 of confidence
+# A fresh search checks the lane after so many frames even without doubt: a guard rail's foot has paint enough to be
+# followed. Above SURE once a second will do: no wrong lane of the Udacity clips came above a confidence of 0.8
 CHECK_EVERY, CHECK_SURE_EVERY, SURE = 10, 25, 0.9
 LOOK_AGAIN = 4  # in doubt, every fourth frame is searched afresh ...
 # ... and what is found takes over when it is worth so much more, in two frames running: the same lane with a better
