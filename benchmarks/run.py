@@ -210,111 +210,165 @@ def calibrate() -> float:
 
 
 # ---------------------------------------------------------------------------------------------- the report
+class Report:
+    """The lines of docs/PERFORMANCE.md, and what is held against a target on the way."""
+
+    def __init__(self):
+        self.lines: list[str] = []
+        self.goals: list[list[str]] = []
+
+    def section(self, title: str, *lines: str) -> None:
+        """A heading and what stands below it."""
+        self.lines += [title, "", *lines, ""]
+
+    def goal(self, what: str, allowed: float, reached: float, unit: str = "", *, least: bool = False) -> None:
+        """A figure that was `reached`, and the most that is allowed (or the least)."""
+        met = reached >= allowed if least else reached <= allowed
+        bound = f"{'at least' if least else 'at most'} {allowed:g}{unit}"
+        self.goals.append([what, bound, f"{reached:.3g}{unit}", "yes" if met else "**no**"])
+
+    def targets(self) -> list[list[str]]:
+        """The targets as rows of a table."""
+        return [["", "target", "reached", "met"], *self.goals]
+
+
 def report(quick: bool) -> str:
     """Measure everything and say it in Markdown."""
     cv2.setNumThreads(1)
     rig = Rig.load(RIG_FILE)
     paths = sorted((ROOT / "test_images" / "rendered").glob("*.jpg"))
     stills = [frame for frame in map(read_image, paths) if frame.shape[1::-1] == rig.size_wh]
-    rounds = 3 if quick else 9
-    out = ["# Performance", "", "Written by `make bench`. Ratios are what to compare: each was taken in one "
-           "interleaved run.", "", *(f"- {line}" for line in machine()),
-           f"- input: {len(stills)} pictures of `test_images/rendered`, {rig.size_wh[0]}x{rig.size_wh[1]}", ""]
-    goals: list[list[str]] = []
-
-    def goal(what: str, allowed: float, reached: float, unit: str = "", *, least: bool = False) -> None:
-        met = reached >= allowed if least else reached <= allowed
-        bound = f"{'at least' if least else 'at most'} {allowed:g}{unit}"
-        goals.append([what, bound, f"{reached:.3g}{unit}", "yes" if met else "**no**"])
-
+    out = Report()
+    out.section(
+        "# Performance",
+        "Written by `make bench`. Ratios are what to compare: each was taken in one interleaved run.",
+        "",
+        *(f"- {line}" for line in machine()),
+        f"- input: {len(stills)} pictures of `test_images/rendered`, {rig.size_wh[0]}x{rig.size_wh[1]}",
+    )
     say("stages")
-    own, textbook = stage_costs(rig, stills[:6] if quick else stills, rounds)
-    one_call = textbook["one cv2.undistort call"]
-    out += ["## Stages, ms a frame", "", *markdown(["finder's order", "ms", "of one cv2.undistort"], own, one_call), "",
-            *markdown(["textbook order", "ms", "of one cv2.undistort"], textbook, one_call), ""]
+    say_stages(out, rig, stills[:6] if quick else stills, 3 if quick else 9)
     say("frames")
-    shipped = ROOT / "test_videos" / "rendered" / "project_video.mp4"
+    frames, source = drive(quick)
+    forth_and_back = frames + frames[::-1]  # without a jump where it begins again
+    say_frames(out, rig, forth_and_back[:: 2 if quick else 1], f"{source}, {len(frames)} frames forth and back", quick)
+    say_agreement(out, rig, stills)
+    say("sizes")
+    say_sizes(out, rig, frames[: 4 if quick else 12], 3 if quick else 9)
     with tempfile.TemporaryDirectory(prefix="bench") as folder:
-        place = Path(folder)
-        clip = place / "clip.mp4"
-        if shipped.exists():
-            with read_frames(shipped) as reader:
-                frames = [frame.frame_bgr for frame, _ in zip(reader, range(24 if quick else 60), strict=False)]
-            what = "`test_videos/rendered/project_video.mp4`"
-        else:
-            frames = simulated_frames(12 if quick else 30)
-            what = "a drive of `lanelib.simulator`"
-        forth_and_back = frames + frames[::-1]  # without a jump where it begins again
-        write_clip(forth_and_back * (1 if quick else 2), clip, size_wh=rig.size_wh)
-        n_frames = len(forth_and_back) * (1 if quick else 2)
-        every = forth_and_back[:: 2 if quick else 1]
-        whole = whole_frames(rig, every, 2 if quick else 5, in_streams)
-        cold = whole_frames(rig, every, 2 if quick else 3)
-        call = whole["one cv2.undistort call"]
-        out += [f"## Frame to geometry, ms a frame ({what}, {len(frames)} frames forth and back)", "",
-                "In a stream each row goes over all frames in a loop of its own, as in a process that does nothing "
-                "else; this is what the targets below are held against. Between other work the rows take turns frame "
-                "by frame, and each finds the processor's caches full of the others' data.", "",
-                *markdown_rows([["", "in a stream, ms", "of one cv2.undistort", "between other work, ms",
-                                 "of one cv2.undistort"]] + [
-                    [name, f"{ms:.2f}", f"{ms / call:.3f}", f"{cold[name]:.2f}",
-                     f"{cold[name] / cold['one cv2.undistort call']:.3f}"] for name, ms in whole.items()]), ""]
-        goal("frame to geometry while tracking, of one cv2.undistort call (YUV planes, as videos are processed)", 0.15,
-             whole["tracking, YUV planes"] / call)
-        goal("the same from BGR frames", 0.15, whole["tracking, BGR"] / call)
-        goal("fresh search, of one cv2.undistort call (YUV planes)", 0.5, whole["fresh search, YUV planes"] / call)
-        goal("the same from BGR frames", 0.5, whole["fresh search, BGR"] / call)
-        goal("textbook order over finder's order, recipe and model as by default (YUV planes)", 40,
-             whole["textbook order, recipe paint"] / whole["tracking, YUV planes"], least=True)
-        mean, median, worst, n = agreement_px(rig, stills)
-        goal(f"lines of the two orders apart, mean of {n} pictures (median {median:.2f}, largest {worst:.1f} px)",
-             1, mean, " px")
-
-        say("sizes")
-        by_size = sizes(rig, frames[:4] if quick else frames[:12], rounds)
-        base = by_size[1280, 720]
-        out += ["## Frame size, ms a frame (YUV planes)", "",
-                *markdown_rows([["frame", "tracking", "over 720p", "fresh search", "over 720p"]] + [
-                    [f"{w}x{h}", f"{ms['tracking']:.2f}", f"{ms['tracking'] / base['tracking']:.2f}",
-                     f"{ms['fresh search']:.2f}", f"{ms['fresh search'] / base['fresh search']:.2f}"]
-                    for (w, h), ms in by_size.items()]), ""]
-        goal("geometry at 3840x2160 over 1280x720, tracking", 2, by_size[3840, 2160]["tracking"] / base["tracking"])
-
+        clip, film = Path(folder) / "clip.mp4", forth_and_back * (1 if quick else 2)
+        write_clip(film, clip, size_wh=rig.size_wh)
         say("files")
-        spent = files(rig, clip, place, 2 if quick else 5)
-        out += [f"## File to file, {n_frames} frames of 1280x720", "",
-                *markdown_rows([["", "CPU s", "CPU ms a frame"]] + [
-                    [name, f"{(s := statistics.median(rounds)):.2f}", f"{1e3 * s / n_frames:.1f}"]
-                    for name, rounds in spent.items()]), "",
-                "`bare transcode` is ffmpeg alone, file to file, with the same preset and quality. ffmpeg's decoder "
-                "runs in one thread, x264 in its default number, in both.", ""]
-        goal("file to geometry over decoding alone (ffmpeg to null)", 1.3,
-             times_as_much(spent["file to geometry"], spent["decode alone (ffmpeg to null)"]))
-        goal("file to geometry over decoding into Python", 1.3,
-             times_as_much(spent["file to geometry"], spent["decode alone (frames in Python)"]))
-        for preset in PRESETS:
-            goal(f"file to annotated file over a bare transcode, {preset}", 1.10,
-                 times_as_much(spent[f"file to annotated file, {preset}"], spent[f"bare transcode, {preset}"]))
-
+        say_files(out, rig, clip, len(film), 2 if quick else 5)
         say("memory")
-        rows = lengths(clip, place, (1, 4) if quick else (1, 4, 12), n_frames)
-        out += ["## Memory by length of the clip, MB at the peak", "",
-                "Resident memory; `with ffmpeg` adds that of the decoder and the encoder "
-                "(pages they share are counted twice).", "",
-                *markdown_rows([
-            ["frames", "geometry: Python", "with ffmpeg", "annotated: Python", "with ffmpeg"], *rows]), ""]
-        goal("peak memory of Python, annotated file, longest clip", 400, float(rows[-1][3]), " MB")
-        goal("the same with both ffmpeg processes", 400, float(rows[-1][4]), " MB")
+        say_memory(out, clip, (1, 4) if quick else (1, 4, 12), len(film))
     say("calibration")
     seconds = calibrate()
-    out += ["## Calibration", "", f"The 20 boards of `camera_cal/rendered`, reading included: {seconds:.2f} s of "
-            "processor time.", ""]
-    goal("20 boards calibrated", 3, seconds, " s")
-    head = ["", "target", "reached", "met"]
-    met = sum(row[-1] == "yes" for row in goals)
-    out += [f"## Targets: {met} of {len(goals)} met", "", *markdown_rows([head, *goals]), ""]
-    say("\n" + table([head, *([cell.replace("*", "") for cell in row] for row in goals)], left=(0, 1)))
-    return "\n".join(out)
+    out.section("## Calibration", f"The 20 boards of `camera_cal/rendered`, reading included: {seconds:.2f} s of "
+                "processor time.")  # fmt: skip
+    out.goal("20 boards calibrated", 3, seconds, " s")
+    rows, met = out.targets(), sum(row[-1] == "yes" for row in out.goals)
+    out.section(f"## Targets: {met} of {len(out.goals)} met", *markdown_rows(rows))
+    say("\n" + table([[cell.replace("*", "") for cell in row] for row in rows], left=(0, 1)))
+    return "\n".join(out.lines)
+
+
+def drive(quick: bool) -> tuple[list[np.ndarray], str]:
+    """Consecutive frames of 1280x720, and where they are from."""
+    shipped = ROOT / "test_videos" / "rendered" / "project_video.mp4"
+    if not shipped.exists():
+        return simulated_frames(12 if quick else 30), "a drive of `lanelib.simulator`"
+    with read_frames(shipped) as reader:
+        frames = [frame.frame_bgr for frame, _ in zip(reader, range(24 if quick else 60), strict=False)]
+    return frames, "`test_videos/rendered/project_video.mp4`"
+
+
+def say_stages(out: Report, rig: Rig, stills: list[np.ndarray], rounds: int) -> None:
+    """What each stage costs."""
+    own, textbook = stage_costs(rig, stills, rounds)
+    one_call = textbook["one cv2.undistort call"]
+    out.section("## Stages, ms a frame", *markdown(["finder's order", "ms", "of one cv2.undistort"], own, one_call),
+                "", *markdown(["textbook order", "ms", "of one cv2.undistort"], textbook, one_call))  # fmt: skip
+
+
+def say_frames(out: Report, rig: Rig, frames: list[np.ndarray], source: str, quick: bool) -> None:
+    """What a whole frame costs in each order, model and format."""
+    whole = whole_frames(rig, frames, 2 if quick else 5, in_streams)
+    cold = whole_frames(rig, frames, 2 if quick else 3)
+    call, cold_call = whole["one cv2.undistort call"], cold["one cv2.undistort call"]
+    head = ["", "in a stream, ms", "of one cv2.undistort", "between other work, ms", "of one cv2.undistort"]
+    rows = [[name, f"{ms:.2f}", f"{ms / call:.3f}", f"{cold[name]:.2f}", f"{cold[name] / cold_call:.3f}"]
+            for name, ms in whole.items()]  # fmt: skip
+    out.section(
+        f"## Frame to geometry, ms a frame ({source})",
+        "In a stream each row goes over all frames in a loop of its own, as in a process that does nothing else; this "
+        "is what the targets below are held against. Between other work the rows take turns frame by frame, and each "
+        "finds the processor's caches full of the others' data.",
+        "",
+        *markdown_rows([head, *rows]),
+    )
+    out.goal("frame to geometry while tracking, of one cv2.undistort call (YUV planes, as videos are processed)", 0.15,
+             whole["tracking, YUV planes"] / call)  # fmt: skip
+    out.goal("the same from BGR frames", 0.15, whole["tracking, BGR"] / call)
+    out.goal("fresh search, of one cv2.undistort call (YUV planes)", 0.5, whole["fresh search, YUV planes"] / call)
+    out.goal("the same from BGR frames", 0.5, whole["fresh search, BGR"] / call)
+    out.goal("textbook order over finder's order, recipe and model as by default (YUV planes)", 40,
+             whole["textbook order, recipe paint"] / whole["tracking, YUV planes"], least=True)  # fmt: skip
+
+
+def say_agreement(out: Report, rig: Rig, stills: list[np.ndarray]) -> None:
+    """How far the lines of the two orders are apart."""
+    mean, median, worst, n = agreement_px(rig, stills)
+    about = f"mean of {n} pictures (median {median:.2f}, largest {worst:.1f} px)"
+    out.goal(f"lines of the two orders apart, {about}", 1, mean, " px")
+
+
+def say_sizes(out: Report, rig: Rig, frames: list[np.ndarray], rounds: int) -> None:
+    """What larger and smaller frames cost."""
+    by_size = sizes(rig, frames, rounds)
+    base = by_size[1280, 720]
+    rows = [[f"{w}x{h}", f"{ms['tracking']:.2f}", f"{ms['tracking'] / base['tracking']:.2f}",
+             f"{ms['fresh search']:.2f}", f"{ms['fresh search'] / base['fresh search']:.2f}"]
+            for (w, h), ms in by_size.items()]  # fmt: skip
+    head = ["frame", "tracking", "over 720p", "fresh search", "over 720p"]
+    out.section("## Frame size, ms a frame (YUV planes)", *markdown_rows([head, *rows]))
+    out.goal("geometry at 3840x2160 over 1280x720, tracking", 2, by_size[3840, 2160]["tracking"] / base["tracking"])
+
+
+def say_files(out: Report, rig: Rig, clip: Path, n_frames: int, rounds: int) -> None:
+    """What a whole file costs, decoding and encoding included."""
+    spent = files(rig, clip, clip.parent, rounds)
+    seconds = {name: statistics.median(of_rounds) for name, of_rounds in spent.items()}
+    rows = [[name, f"{s:.2f}", f"{1e3 * s / n_frames:.1f}"] for name, s in seconds.items()]
+    out.section(
+        f"## File to file, {n_frames} frames of 1280x720",
+        *markdown_rows([["", "CPU s", "CPU ms a frame"], *rows]),
+        "",
+        "`bare transcode` is ffmpeg alone, file to file, with the same preset and quality. ffmpeg's decoder runs in "
+        "one thread, x264 in its default number, in both.",
+    )
+    geometry = spent["file to geometry"]
+    out.goal("file to geometry over decoding alone (ffmpeg to null)", 1.3,
+             times_as_much(geometry, spent["decode alone (ffmpeg to null)"]))  # fmt: skip
+    out.goal("file to geometry over decoding into Python", 1.3,
+             times_as_much(geometry, spent["decode alone (frames in Python)"]))  # fmt: skip
+    for preset in PRESETS:
+        annotated, bare = spent[f"file to annotated file, {preset}"], spent[f"bare transcode, {preset}"]
+        out.goal(f"file to annotated file over a bare transcode, {preset}", 1.10, times_as_much(annotated, bare))
+
+
+def say_memory(out: Report, clip: Path, times: tuple[int, ...], n_frames: int) -> None:
+    """How much memory longer clips need."""
+    rows = lengths(clip, clip.parent, times, n_frames)
+    head = ["frames", "geometry: Python", "with ffmpeg", "annotated: Python", "with ffmpeg"]
+    out.section(
+        "## Memory by length of the clip, MB at the peak",
+        "Resident memory; `with ffmpeg` adds that of the decoder and the encoder (pages they share are counted twice).",
+        "",
+        *markdown_rows([head, *rows]),
+    )
+    out.goal("peak memory of Python, annotated file, longest clip", 400, float(rows[-1][3]), " MB")
+    out.goal("the same with both ffmpeg processes", 400, float(rows[-1][4]), " MB")
 
 
 def markdown(head: list[str], costs: dict[str, float], unit: float) -> list[str]:
