@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lanelib.jointfit import CUBIC_OF_SAMPLES, NEIGHBOURS, SAMPLES, WIDTH, JointFit, line_x
+from lanelib.jointfit import CUBIC_OF_SAMPLES, NEIGHBOURS, POWERS, SAMPLES, WIDTH, JointFit, line_x
 from lanelib.lane import Limits, Line
 from lanelib.rig import View
 from lanelib.straighten import FAR_M, Paint, Straightened, paint_of, straightened
@@ -145,7 +145,8 @@ def next_boundary(paint: Paint, side: int, inner_m: float, width_m: float, contr
     road = paint.road
     paint = paint.beyond(side, inner_m)
     out = side * paint.d_m - inner_m
-    low, high = (f(a, b * width_m) for f, a, b in zip((max, min), Limits().width_m, SIMILAR, strict=True))
+    (least_m, most_m), (smaller, larger) = Limits().width_m, SIMILAR
+    low, high = max(least_m, smaller * width_m), min(most_m, larger * width_m)
     offsets = np.arange(2 * ASIDE_M, road.d_m[-1] - inner_m - 2 * ASIDE_M, STEP_M)
     rows = rows_of_paint(paint, out, offsets)
     likely = np.where((offsets >= low) & (offsets <= high), rows.max(axis=1), 0)
@@ -232,15 +233,16 @@ def stripe_across(paint: Paint, d_m: np.ndarray, weight: np.ndarray) -> Stripe:
 
 
 def _neighbour(
-    b: Boundary, side: int, place: int, inner_m: float, across: str, road: Straightened, fit: JointFit
+    boundary: Boundary, side: int, place: int, inner_m: float, across: str, road: Straightened, fit: JointFit
 ) -> Neighbour:
     """A boundary as the lane that it ends."""
+    width_m, outer_m = boundary.offset_m, inner_m + boundary.offset_m
     mean = fit.mean.copy()
-    mean[WIDTH] = 2 * (inner_m + b.offset_m)
+    mean[WIDTH] = 2 * outer_m
     x = line_x(FAR_M * SAMPLES, mean, side)
-    points = road.pixels(side * (inner_m + b.offset_m + b.tilt * road.y_m))
+    points = road.pixels(side * (outer_m + boundary.tilt * road.y_m))
     near = float(road.y_m[-1])
-    line = Line((CUBIC_OF_SAMPLES @ x) * FAR_M ** -np.arange(3.0, -0.5, -1), (near, b.far_m), None, b.rows)
-    confidence = float((1 - np.exp(-b.rows / ENOUGH_ROWS)) * (1 - b.chance / b.rows))
-    std = np.hypot(b.variance**0.5, (inner_m + b.offset_m) * CROWN * b.offset_m / fit.height_m)
-    return Neighbour(side, place, line, points, b.offset_m, float(std), b.colour, across, confidence)
+    line = Line((CUBIC_OF_SAMPLES @ x) * FAR_M**-POWERS, (near, boundary.far_m), None, boundary.rows)
+    confidence = float((1 - np.exp(-boundary.rows / ENOUGH_ROWS)) * (1 - boundary.chance / boundary.rows))
+    std = float(np.hypot(boundary.variance**0.5, outer_m * CROWN * width_m / fit.height_m))
+    return Neighbour(side, place, line, points, width_m, std, boundary.colour, across, confidence)

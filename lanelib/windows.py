@@ -67,8 +67,9 @@ def joint_state(
     assert left.covariance is not None and right.covariance is not None
     variance = (np.diag(left.covariance) + np.diag(right.covariance)) / 4
     unknown = np.diag(UNKNOWN_ROAD.covariance)
-    width = 4 * variance[2] * across**2
-    covariance = np.diag([variance[2], variance[1], variance[0], unknown[RATE], width, unknown[PITCH], unknown[HILL]])
+    # in the order of jointfit.NAMES
+    of_lane = [variance[2], variance[1], variance[0], unknown[RATE], 4 * variance[2] * across**2]
+    covariance = np.diag([*of_lane, unknown[PITCH], unknown[HILL]])
     edges = np.concatenate([[np.inf], (scan_y_m[1:] + scan_y_m[:-1]) / 2, [-np.inf]])[::-1]
     support = np.zeros((2, len(scan_y_m)))
     for i, xy in enumerate((pixels.left_xy, pixels.right_xy)):

@@ -17,7 +17,8 @@ from lanelib.arrays import described
 from lanelib.channels import yuv420_planes
 from lanelib.errors import LanelibError
 
-SHIFT = 4  # OpenCV's fixed-point coordinates: 1/16 px
+SHIFT = 4  # OpenCV's fixed-point coordinates: 1/16 px ...
+ONE = 1 << SHIFT  # ... and a whole one
 FADE_STEPS, ROWS_PER_STEP = 12, 6  # a step of a lane's opacity then is 3 %: not seen
 FARTHEST_PX = 30000  # points farther out are pulled in; OpenCV's integers would wrap around
 
@@ -156,7 +157,7 @@ class Layer:
 def _fixed(polygon: np.ndarray, scale: float) -> np.ndarray:
     """Pixels of the frame to OpenCV's fixed-point pixels of a plane, (N, 2) int32."""
     points = polygon * scale + (scale - 1) / 2
-    return np.rint(np.maximum(np.minimum(points, FARTHEST_PX), -FARTHEST_PX) * (1 << SHIFT)).astype(np.int32)
+    return np.rint(np.maximum(np.minimum(points, FARTHEST_PX), -FARTHEST_PX) * ONE).astype(np.int32)
 
 
 def _room(pixels: np.ndarray, fixed: list[np.ndarray]) -> tuple[np.ndarray, tuple[int, int]]:

@@ -12,6 +12,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
+from lanelib.draw.canvas import ONE, SHIFT
 from lanelib.errors import LanelibError
 
 CAP, ABOVE, BELOW = 7.0, 8.0, 2.6  # grid units: height of a capital; of the box above and below the base line
@@ -110,11 +111,11 @@ def _glyph(glyph: str, cap_px: float, weight: float) -> tuple[np.ndarray, float]
     for stroke in strokes:
         x = (stroke[:, 0] + GAP / 2) * unit * OVERSAMPLE
         y = base - middle - stroke[:, 1] * height
-        points = np.round(np.column_stack([x, y]) * 16).astype(np.int32)
+        points = np.round(np.column_stack([x, y]) * ONE).astype(np.int32)
         if len(points) == 1:
-            cv2.circle(big, points[0].tolist(), round(0.62 * thick * 16), 255, -1, cv2.LINE_8, 4)
+            cv2.circle(big, points[0].tolist(), round(0.62 * thick * ONE), 255, -1, cv2.LINE_8, SHIFT)
         else:
-            cv2.polylines(big, [points], False, 255, round(thick), cv2.LINE_8, 4)
+            cv2.polylines(big, [points], False, 255, round(thick), cv2.LINE_8, SHIFT)
     return cv2.resize(big, size, interpolation=cv2.INTER_AREA), (widest + GAP) * unit
 
 

@@ -9,12 +9,18 @@ import cv2
 import numpy as np
 
 from lanelib.channels import as_bgr, one_channel
-from lanelib.draw.canvas import SHIFT, Canvas
+from lanelib.draw.canvas import ONE, SHIFT, Canvas
 from lanelib.draw.palette import SERIES, bgr
 from lanelib.errors import LanelibError
 
-ONE = 1 << SHIFT  # a pixel in OpenCV's fixed-point coordinates
+LEAST_SCALE = 0.6  # marks on small pictures are no smaller than that, or nobody would see them
 FARTHEST_PX = 2e4  # what is farther out is pulled in, or left out; OpenCV's integers would wrap around
+
+
+def own_copy(picture: np.ndarray) -> np.ndarray:
+    """A new (H, W, 3) BGR picture to draw on."""
+    copied = as_bgr(picture)
+    return copied.copy() if np.shares_memory(copied, picture) else copied
 
 
 def heat(values: np.ndarray, *, top: float | None = None) -> np.ndarray:
@@ -37,13 +43,13 @@ def difference(first: np.ndarray, second: np.ndarray, *, gain: float = 4.0) -> n
 
 def draw_points(picture: np.ndarray, xy, colour: str = "paint", *, radius_px: float = 2.0, weights=None) -> np.ndarray:
     """Dots at ``xy`` (N, 2), the fainter the less their ``weights`` (N,) 0..1; what is not finite is left out."""
-    picture, points = _copy(picture), np.asarray(xy, float).reshape(-1, 2)
+    picture, points = own_copy(picture), np.asarray(xy, float).reshape(-1, 2)
     weights = np.ones(len(points)) if weights is None else np.asarray(weights, float)
-    top, colours = _scaled(picture), np.array(bgr(colour), float)
+    scale, colours = _scale_of(picture), np.array(bgr(colour), float)
     for (x, y), weight in zip(points, weights, strict=True):
         if np.isfinite(x + y) and abs(x) < FARTHEST_PX and abs(y) < FARTHEST_PX:
             shade = tuple((colours * (0.35 + 0.65 * min(max(weight, 0.0), 1.0))).tolist())
-            disc_in_place(picture, (x, y), shade, radius_px * top)
+            disc_in_place(picture, (x, y), shade, radius_px * scale)
     return picture
 
 
@@ -58,7 +64,7 @@ def draw_line(
     outline: bool = False,
 ) -> np.ndarray:
     """A smooth line through ``xy`` (N, 2); ``outline``: with a dark edge, so that it shows on bright ground, too."""
-    picture = _copy(picture)
+    picture = own_copy(picture)
     line_in_place(picture, xy, bgr(colour), width_px, dashed=dashed, closed=closed, outline=outline)
     return picture
 
@@ -105,7 +111,7 @@ def draw_windows(view: np.ndarray, found, *, left: str = "left line", right: str
     Pixels of the left and the right line, windows (faint where they held too few pixels to recentre), and the regions
     that were searched around a known line.
     """
-    picture = _copy(view)
+    picture = own_copy(view)
     grey = cv2.cvtColor(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), cv2.COLOR_GRAY2BGR)
     picture = cv2.convertScaleAbs(grey, alpha=0.45)  # what belongs to neither line steps back
     canvas = Canvas.of_bgr(picture)
@@ -116,12 +122,12 @@ def draw_windows(view: np.ndarray, found, *, left: str = "left line", right: str
         x, y = np.round(xy).astype(int).T if len(xy) else (np.empty(0, int), np.empty(0, int))
         inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
         picture[y[inside], x[inside]] = bgr(name)
-    top = _scaled(picture, of=720)
+    scale = max(height / 720, LEAST_SCALE)
     for window in found.windows:
         x, y = (window.left, window.right - 1), (window.row_top, window.row_bottom - 1)
         corners = np.array([(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])])
         colour = bgr("window") if window.recentred else tuple(v // 2 for v in bgr("window"))
-        line_in_place(picture, corners, colour, 2 * top, closed=True)
+        line_in_place(picture, corners, colour, 2 * scale, closed=True)
     return picture
 
 
@@ -134,15 +140,14 @@ def draw_corners(picture: np.ndarray, corners_xy, board_wh: tuple[int, int]) -> 
     Each row has a colour, the first corner a ring. Another number of corners than the board has (it was not found) are
     plain red dots.
     """
-    picture, corners = _copy(picture), np.asarray(corners_xy, float).reshape(-1, 2)
+    picture, corners = own_copy(picture), np.asarray(corners_xy, float).reshape(-1, 2)
     corners = corners[np.isfinite(corners).all(axis=1)]
     columns, rows = board_wh
-    top = _scaled(picture)
     if not len(corners) or len(corners) != columns * rows:
         return draw_points(picture, corners, "none", radius_px=4)
     grid = corners.reshape(rows, columns, 2)
     spacing = float(np.median(np.hypot(*np.diff(grid, axis=1).reshape(-1, 2).T))) if columns > 1 else 20.0
-    radius = float(np.clip(0.15 * spacing, 1.4, 6 * top))  # small boards keep their squares visible
+    radius = float(np.clip(0.15 * spacing, 1.4, 6 * _scale_of(picture)))  # small boards keep their squares visible
     for i, row in enumerate(grid):
         colour = bgr(SERIES[i % len(SERIES)])
         line_in_place(picture, row, colour, 0.4 * radius)
@@ -153,12 +158,6 @@ def draw_corners(picture: np.ndarray, corners_xy, board_wh: tuple[int, int]) -> 
     return picture
 
 
-def _copy(picture: np.ndarray) -> np.ndarray:
-    """A new (H, W, 3) BGR picture to draw on."""
-    copied = as_bgr(picture)
-    return copied.copy() if np.shares_memory(copied, picture) else copied
-
-
-def _scaled(picture: np.ndarray, *, of: int = 1280) -> float:
-    """How large marks must be to look as in a picture 1280 wide; never less than 0.6."""
-    return max(picture.shape[1] if of == 1280 else picture.shape[0], 0.6 * of) / of
+def _scale_of(picture: np.ndarray) -> float:
+    """How large marks must be to look as in a picture 1280 wide."""
+    return max(picture.shape[1] / 1280, LEAST_SCALE)

@@ -12,10 +12,9 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from lanelib.channels import as_bgr
-from lanelib.draw.canvas import SHIFT, Canvas, Layer
+from lanelib.draw.canvas import ONE, SHIFT, Canvas, Layer
 from lanelib.draw.lettering import put_text, text_width, wrapped
-from lanelib.draw.marks import ONE, disc_in_place
+from lanelib.draw.marks import disc_in_place, own_copy
 from lanelib.draw.palette import bgr
 from lanelib.errors import LanelibError
 
@@ -39,9 +38,7 @@ def overlay(frame_bgr: np.ndarray, result, *, text: bool = True) -> np.ndarray:
     how far to trust them. A lane held from frames before is paler and dashed. Grey and four-channel frames are taken
     too. Raises LanelibError where the result belongs to a frame of another size.
     """
-    picture = as_bgr(frame_bgr)
-    picture = picture.copy() if picture is frame_bgr or np.shares_memory(picture, frame_bgr) else picture
-    return overlay_bgr(picture, result, text=text)
+    return overlay_bgr(own_copy(frame_bgr), result, text=text)
 
 
 def overlay_bgr(frame_bgr: np.ndarray, result, *, text: bool = True) -> np.ndarray:
