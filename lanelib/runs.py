@@ -118,17 +118,10 @@ def run_video(
         return draw.overlay_yuv420(frame, result) if planes else picture_of(view, frame, result, finder)
 
     only_road = planes and out is None and finder.order == "finder" and not neighbours
+    pixel_format, first_row = "yuv420p" if planes else "bgr24", first_row_of(finder, size_wh) if only_road else 0
     summary = process_video(
-        path,
-        step,
-        first_row=first_row_of(finder, size_wh) if only_road else 0,
-        output=out,
-        start_s=start_s,
-        end_s=end_s,
-        on_progress=on_progress,
-        preset=preset,
-        pixel_format="yuv420p" if planes else "bgr24",
-    )
+        path, step, output=out, start_s=start_s, end_s=end_s, on_progress=on_progress, preset=preset,
+        pixel_format=pixel_format, first_row=first_row)  # fmt: skip
     return summary, tally
 
 

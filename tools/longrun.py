@@ -180,11 +180,19 @@ def long_run(start, place: Path, hours: float, *, fps: int = 25) -> LongRun:
     """Make the clip in `place`, run it, compare. `start(*arguments, cwd=…)` starts the command line as a process."""
     source, frames = make_clip(place, hours, fps)
     RIG.save(place / "long_rig.json")
-    run = LongRun(frames, fps)
-    begin = time.monotonic()
-    process = start("video", source.name, "--rig", "long_rig.json", "-o", "out.mp4", "--json", "out.jsonl", "--quiet",
-                    cwd=place)
-    watched = psutil.Process(process.pid)
+    run, out, rows = LongRun(frames, fps), place / "out.mp4", place / "out.jsonl"
+    watch(run, start("video", source.name, "--rig", "long_rig.json", "-o", out.name, "--json", rows.name, "--quiet",
+                     cwd=place))  # fmt: skip
+    if rows.exists():
+        count_rows(run, rows, source)
+    if out.exists():
+        compare(run, source, out)
+    return run
+
+
+def watch(run: LongRun, process: subprocess.Popen) -> None:
+    """Wait for the command's end; note its memory on the way, how long it took, and what it said."""
+    begin, watched = time.monotonic(), psutil.Process(process.pid)
     while process.poll() is None:
         with contextlib.suppress(psutil.Error):
             run.memory.append((time.monotonic() - begin, memory_of(watched)))
@@ -193,21 +201,25 @@ def long_run(start, place: Path, hours: float, *, fps: int = 25) -> LongRun:
     run.said, run.code = process.communicate()[1], process.returncode
     # Two processes work beside Python in the middle; while the file is opened and finished there are fewer.
     run.memory = [m for m in run.memory if all(m[1])] or run.memory
-    if (place / "out.jsonl").exists():
-        with open(place / "out.jsonl", encoding="utf-8") as rows:
-            for i, line in enumerate(rows):
-                row = json.loads(line)
-                run.rows += 1
-                run.in_order += row["raw_file"] == f"{source.name}:{i:06d}"
-                run.measured += row["status"] == "measured"
-    if (place / "out.mp4").exists():
-        was, is_ = packet_times(source), packet_times(place / "out.mp4")
-        run.written = len(is_)
-        off = [abs((b - is_[0]) - (a - was[0])) for a, b in zip(was, is_, strict=False)]
-        run.worst_time_ms = 1e3 * max(off, default=float("nan"))
-        wanted = np.arange(frames) % LOOP
-        numbers = read_numbers(place / "out.mp4")
-        same = min(len(numbers), frames)
-        run.misplaced = int(np.count_nonzero(numbers[:same] != wanted[:same])) + abs(len(numbers) - frames)
-        run.sound_off_s = sound_s(place / "out.mp4") - sound_s(source)
-    return run
+
+
+def count_rows(run: LongRun, rows: Path, source: Path) -> None:
+    """How many rows there are, are where they belong, and have a measured lane."""
+    with open(rows, encoding="utf-8") as lines:
+        for i, line in enumerate(lines):
+            row = json.loads(line)
+            run.rows += 1
+            run.in_order += row["raw_file"] == f"{source.name}:{i:06d}"
+            run.measured += row["status"] == "measured"
+
+
+def compare(run: LongRun, source: Path, out: Path) -> None:
+    """Whether every frame of the source is in the result, in its place and at its time, and all of the sound."""
+    was, is_ = packet_times(source), packet_times(out)
+    run.written = len(is_)
+    off = [abs((b - is_[0]) - (a - was[0])) for a, b in zip(was, is_, strict=False)]
+    run.worst_time_ms = 1e3 * max(off, default=float("nan"))
+    wanted, numbers = np.arange(run.frames) % LOOP, read_numbers(out)
+    both = min(len(numbers), run.frames)
+    run.misplaced = int(np.count_nonzero(numbers[:both] != wanted[:both])) + abs(len(numbers) - run.frames)
+    run.sound_off_s = sound_s(out) - sound_s(source)

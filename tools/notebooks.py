@@ -64,14 +64,8 @@ def run(notebook, folder: Path, name: str):
 
     path = os.environ.get("PYTHONPATH", "")
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), path]))  # lanelib of this checkout
-    client = PatientClient(
-        notebook,
-        timeout=CELL_TIMEOUT_S,
-        kernel_name="python3",
-        record_timing=False,
-        store_widget_state=False,
-        resources={"metadata": {"path": str(folder)}},
-    )
+    client = PatientClient(notebook, kernel_name="python3", timeout=CELL_TIMEOUT_S, record_timing=False,
+                           store_widget_state=False, resources={"metadata": {"path": str(folder)}})  # fmt: skip
     try:
         return client.execute()
     except CellExecutionError as error:
