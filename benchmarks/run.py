@@ -265,7 +265,7 @@ def report(quick: bool) -> str:
     say("calibration")
     seconds = calibrate()
     out.section("## Calibration", f"The 20 boards of `camera_cal/rendered`, reading included: {seconds:.2f} s of "
-                "processor time.")  # fmt: skip
+                "processor time.")
     out.goal("20 boards calibrated", 3, seconds, " s")
     rows, met = out.targets(), sum(row[-1] == "yes" for row in out.goals)
     out.section(f"## Targets: {met} of {len(out.goals)} met", *markdown_rows(rows))
@@ -288,7 +288,7 @@ def say_stages(out: Report, rig: Rig, stills: list[np.ndarray], rounds: int) -> 
     own, textbook = stage_costs(rig, stills, rounds)
     one_call = textbook["one cv2.undistort call"]
     out.section("## Stages, ms a frame", *markdown(["finder's order", "ms", "of one cv2.undistort"], own, one_call),
-                "", *markdown(["textbook order", "ms", "of one cv2.undistort"], textbook, one_call))  # fmt: skip
+                "", *markdown(["textbook order", "ms", "of one cv2.undistort"], textbook, one_call))
 
 
 def say_frames(out: Report, rig: Rig, frames: list[np.ndarray], source: str, quick: bool) -> None:
@@ -298,7 +298,7 @@ def say_frames(out: Report, rig: Rig, frames: list[np.ndarray], source: str, qui
     call, cold_call = whole["one cv2.undistort call"], cold["one cv2.undistort call"]
     head = ["", "in a stream, ms", "of one cv2.undistort", "between other work, ms", "of one cv2.undistort"]
     rows = [[name, f"{ms:.2f}", f"{ms / call:.3f}", f"{cold[name]:.2f}", f"{cold[name] / cold_call:.3f}"]
-            for name, ms in whole.items()]  # fmt: skip
+            for name, ms in whole.items()]
     out.section(
         f"## Frame to geometry, ms a frame ({source})",
         "In a stream each row goes over all frames in a loop of its own, as in a process that does nothing else; this "
@@ -308,12 +308,12 @@ def say_frames(out: Report, rig: Rig, frames: list[np.ndarray], source: str, qui
         *markdown_rows([head, *rows]),
     )
     out.goal("frame to geometry while tracking, of one cv2.undistort call (YUV planes, as videos are processed)", 0.15,
-             whole["tracking, YUV planes"] / call)  # fmt: skip
+             whole["tracking, YUV planes"] / call)
     out.goal("the same from BGR frames", 0.15, whole["tracking, BGR"] / call)
     out.goal("fresh search, of one cv2.undistort call (YUV planes)", 0.5, whole["fresh search, YUV planes"] / call)
     out.goal("the same from BGR frames", 0.5, whole["fresh search, BGR"] / call)
     out.goal("textbook order over finder's order, recipe and model as by default (YUV planes)", 40,
-             whole["textbook order, recipe paint"] / whole["tracking, YUV planes"], least=True)  # fmt: skip
+             whole["textbook order, recipe paint"] / whole["tracking, YUV planes"], least=True)
 
 
 def say_agreement(out: Report, rig: Rig, stills: list[np.ndarray]) -> None:
@@ -329,7 +329,7 @@ def say_sizes(out: Report, rig: Rig, frames: list[np.ndarray], rounds: int) -> N
     base = by_size[1280, 720]
     rows = [[f"{w}x{h}", f"{ms['tracking']:.2f}", f"{ms['tracking'] / base['tracking']:.2f}",
              f"{ms['fresh search']:.2f}", f"{ms['fresh search'] / base['fresh search']:.2f}"]
-            for (w, h), ms in by_size.items()]  # fmt: skip
+            for (w, h), ms in by_size.items()]
     head = ["frame", "tracking", "over 720p", "fresh search", "over 720p"]
     out.section("## Frame size, ms a frame (YUV planes)", *markdown_rows([head, *rows]))
     out.goal("geometry at 3840x2160 over 1280x720, tracking", 2, by_size[3840, 2160]["tracking"] / base["tracking"])
@@ -349,9 +349,9 @@ def say_files(out: Report, rig: Rig, clip: Path, n_frames: int, rounds: int) -> 
     )
     geometry = spent["file to geometry"]
     out.goal("file to geometry over decoding alone (ffmpeg to null)", 1.3,
-             times_as_much(geometry, spent["decode alone (ffmpeg to null)"]))  # fmt: skip
+             times_as_much(geometry, spent["decode alone (ffmpeg to null)"]))
     out.goal("file to geometry over decoding into Python", 1.3,
-             times_as_much(geometry, spent["decode alone (frames in Python)"]))  # fmt: skip
+             times_as_much(geometry, spent["decode alone (frames in Python)"]))
     for preset in PRESETS:
         annotated, bare = spent[f"file to annotated file, {preset}"], spent[f"bare transcode, {preset}"]
         out.goal(f"file to annotated file over a bare transcode, {preset}", 1.10, times_as_much(annotated, bare))

@@ -290,7 +290,7 @@ def _one_video(work: Work, args, write_row, console: Console, stop: threading.Ev
         summary, tally = run_video(
             path, out, rig, raw_file=raw_file, recipe=args.recipe, neighbours=args.neighbours, view=args.view,
             start_s=args.start, end_s=args.end, preset=args.preset, write_row=write_row,
-            on_progress=on_progress)  # fmt: skip
+            on_progress=on_progress)
     console.result(f"{summary}; {tally}")
     if summary.damage.truncated:
         raise LanelibError(f"{path}: needed a whole video, found one that ends too early; what there is was done")

@@ -180,7 +180,7 @@ class PackageIndex:
         command += ["--retries", "1", "--timeout", "20", "--", self.requirement]
         try:
             run = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=_WHEEL_S,
-                                 encoding="utf-8", errors="replace")  # fmt: skip
+                                 encoding="utf-8", errors="replace")
         except subprocess.TimeoutExpired:
             raise LanelibError(f"{self.name}: {self.requirement} did not arrive within {_WHEEL_S // 60} min") from None
         except OSError as error:

@@ -121,7 +121,7 @@ def run_video(
     pixel_format, first_row = "yuv420p" if planes else "bgr24", first_row_of(finder, size_wh) if only_road else 0
     summary = process_video(
         path, step, output=out, start_s=start_s, end_s=end_s, on_progress=on_progress, preset=preset,
-        pixel_format=pixel_format, first_row=first_row)  # fmt: skip
+        pixel_format=pixel_format, first_row=first_row)
     return summary, tally
 
 

@@ -182,7 +182,7 @@ def long_run(start, place: Path, hours: float, *, fps: int = 25) -> LongRun:
     RIG.save(place / "long_rig.json")
     run, out, rows = LongRun(frames, fps), place / "out.mp4", place / "out.jsonl"
     watch(run, start("video", source.name, "--rig", "long_rig.json", "-o", out.name, "--json", rows.name, "--quiet",
-                     cwd=place))  # fmt: skip
+                     cwd=place))
     if rows.exists():
         count_rows(run, rows, source)
     if out.exists():

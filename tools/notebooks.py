@@ -65,7 +65,7 @@ def run(notebook, folder: Path, name: str):
     path = os.environ.get("PYTHONPATH", "")
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), path]))  # lanelib of this checkout
     client = PatientClient(notebook, kernel_name="python3", timeout=CELL_TIMEOUT_S, record_timing=False,
-                           store_widget_state=False, resources={"metadata": {"path": str(folder)}})  # fmt: skip
+                           store_widget_state=False, resources={"metadata": {"path": str(folder)}})
     try:
         return client.execute()
     except CellExecutionError as error:
