@@ -754,6 +754,7 @@ def test_a_signal_is_told_even_while_a_picture_is_decoded(place, capfd, monkeypa
     assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)] == before
 
 
+@pytest.mark.usefixtures("as_in_a_terminal")
 @pytest.mark.parametrize("names", [["road.png"], ["road.png", "again.png", "third.png"]])
 @pytest.mark.parametrize("number, code, word", [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "ended by")])
 def test_a_signal_that_a_library_makes_an_error_of_ends_the_run(
